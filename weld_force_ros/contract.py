@@ -1,0 +1,410 @@
+"""All that crosses a process or a disk: messages, their units and limits, and the topic table.
+
+Every message is a flat JSON object inside a `std_msgs/String`; its JSON Schema stands in `msgs_json/`. How a message
+may change: a new field has a default and readers ignore fields they do not know (minor version); anything else is a
+new major version, which older readers refuse. An unknown value is an absent field, never null. SI units throughout
+but for speeds, which are km/h and say so.
+"""
+
+import hashlib
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, TypeVar
+
+import msgspec
+from msgspec import UNSET, Meta, UnsetType
+
+from weld_force_ros.errors import MessageError
+
+SCHEMA_VERSION = "1.0"
+
+MAX_MESSAGE_BYTES = 16 * 2**20
+MAX_SAMPLES = 50_000
+MAX_SPEEDS = 1_000
+MAX_POSITIONS = 1_000
+MAX_CELLS = 200_000
+MAX_TEXT = 65_536
+
+MIN_PROFILE_SAMPLES = 20
+MAX_PROFILE_SPACING_M = 0.010
+MAX_PROFILE_AMPLITUDE_M = 0.010
+MAX_PROFILE_LENGTH_M = 5.0
+
+
+Name = Annotated[str, Meta(min_length=1, max_length=200)]
+Text = Annotated[str, Meta(max_length=MAX_TEXT)]
+Sha256 = Annotated[str, Meta(pattern="^[0-9a-f]{64}$", description="SHA-256, lower-case hexadecimal")]
+Metres = Annotated[float, Meta(description="m")]
+SpeedKmh = Annotated[float, Meta(description="km/h", gt=0.0, le=1000.0)]
+ForceN = Annotated[float, Meta(description="N")]
+Seconds = Annotated[float, Meta(description="s", ge=0.0)]
+Samples = Annotated[list[float], Meta(min_length=MIN_PROFILE_SAMPLES, max_length=MAX_SAMPLES)]
+Cells = Annotated[list[float], Meta(min_length=1, max_length=MAX_CELLS)]
+SpeedAxis = Annotated[list[SpeedKmh], Meta(min_length=1, max_length=MAX_SPEEDS)]
+PositionAxis = Annotated[list[Metres], Meta(min_length=1, max_length=MAX_POSITIONS)]
+Decision = Annotated[Literal["accept", "grind", "reject"], Meta(extra_json_schema={"type": "string"})]
+Engine = Annotated[Literal["common-poles", "rfp", "reference"], Meta(extra_json_schema={"type": "string"})]
+
+
+class Stamp(msgspec.Struct, kw_only=True, frozen=True):
+    """Time since the epoch, in the form of builtin_interfaces/Time."""
+
+    sec: Annotated[int, Meta(ge=-(2**31), lt=2**31)] = 0
+    nanosec: Annotated[int, Meta(ge=0, lt=10**9)] = 0
+
+
+class Message(msgspec.Struct, kw_only=True):
+    """What every message carries; `sequence` counts up by one per publisher, so that a gap is a loss."""
+
+    schema_version: Annotated[str, Meta(pattern=r"^\d+\.\d+$")] = SCHEMA_VERSION
+    sequence: Annotated[int, Meta(ge=0)] = 0
+    stamp: Stamp = Stamp()
+
+    def problem(self) -> str | None:
+        """What the schema cannot say and is wrong here, or None."""
+        return None
+
+
+class WeldProfile(Message, kw_only=True):
+    """A measured weld: heights along the rail, conditioned, about the weld's centre.
+
+    `x_m` runs in the running direction with 0 at the weld's centre and increases strictly; `z_m` is positive up.
+    """
+
+    weld_id: Name
+    source: Name
+    x_m: Samples
+    z_m: Samples
+    profile_sha256: Sha256
+    source_sha256: Sha256 | UnsetType = UNSET
+    rail: Name | UnsetType = UNSET
+    instrument: Name | UnsetType = UNSET
+    chainage_m: Metres | UnsetType = UNSET
+    line_speed_kmh: SpeedKmh | UnsetType = UNSET
+    weld_position_m: (
+        Annotated[float, Meta(description="m of the weld's centre after the preceding sleeper", ge=0.0)] | UnsetType
+    ) = UNSET
+    conditioning: Annotated[list[Text], Meta(max_length=50)] = []
+
+    def problem(self) -> str | None:
+        """Why the geometry cannot be simulated, or the hash is not that of the samples; None if all is well."""
+        return profile_problem(self.x_m, self.z_m) or (
+            None
+            if self.profile_sha256 == profile_sha256(self.x_m, self.z_m)
+            else "profile_sha256 is not the hash of x_m and z_m"
+        )
+
+
+class SimulationSettings(Message, kw_only=True):
+    """What a force map depends on beside the profile; latched, so that every recording holds it."""
+
+    config_sha256: Sha256
+    track: Name
+    track_definition: Annotated[
+        str, Meta(min_length=1, max_length=MAX_TEXT, description="the track file's text (YAML)")
+    ]
+    engine: Engine
+    speeds_kmh: SpeedAxis
+    positions_m: PositionAxis
+    wheel_mass_kg: Annotated[float, Meta(description="kg", gt=0.0)]
+    static_load_n: Annotated[float, Meta(description="N", gt=0.0)]
+    wheel_radius_m: Annotated[float, Meta(description="m", gt=0.05, lt=2.0)]
+    hertz_n_per_m15: Annotated[float, Meta(description="N/m^1.5", gt=0.0)]
+
+    def problem(self) -> str | None:
+        """Speeds or positions out of order, too large a grid, or a hash that is not the content's; else None."""
+        if len(self.speeds_kmh) * len(self.positions_m) > MAX_CELLS:
+            return f"more than {MAX_CELLS} passages in one map"
+        if not increasing(self.speeds_kmh) or not increasing(self.positions_m):
+            return "speeds_kmh and positions_m must increase"
+        return None if self.config_sha256 == config_sha256(self) else "config_sha256 is not the hash of the settings"
+
+
+class Limit(msgspec.Struct, kw_only=True, frozen=True):
+    """A criterion's limits: up to `limit` passes, up to `reject_limit` asks for grinding, beyond it rejects."""
+
+    name: Name
+    limit: float
+    reject_limit: float
+    unit: Annotated[str, Meta(max_length=20)]
+    source: Text
+    verified: bool = False
+
+
+class AssessmentSettings(Message, kw_only=True):
+    """The limits that verdicts are made with; latched, so that every recording holds them."""
+
+    limits_sha256: Sha256
+    limits: Annotated[list[Limit], Meta(min_length=1, max_length=100)]
+
+    def problem(self) -> str | None:
+        """A limit that cannot be applied, or a hash that is not the content's; else None."""
+        for limit in self.limits:
+            if limit.reject_limit < limit.limit:
+                return f"limit {limit.name}: reject_limit is below limit"
+        return (
+            None if self.limits_sha256 == limits_sha256(self.limits) else "limits_sha256 is not the hash of the limits"
+        )
+
+
+class ForceMap(Message, kw_only=True):
+    """Peak force over speed and position in the sleeper span.
+
+    Matrices are row-major (speed, position). `positions_m` is the weld's centre after the sleeper, `peak_x_m` where
+    the wheel was at the peak in the same coordinate (0 at that sleeper).
+    """
+
+    weld_id: Name
+    profile_sha256: Sha256
+    config_sha256: Sha256
+    track: Name
+    engine: Engine
+    speeds_kmh: SpeedAxis
+    positions_m: PositionAxis
+    peak_force_n: Cells
+    peak_x_m: Cells
+    min_force_n: Cells
+    contact_loss_s: Cells
+    static_load_n: Annotated[float, Meta(description="N", gt=0.0)]
+    span_m: Annotated[float, Meta(description="m, the sleeper spacing that positions repeat with", gt=0.0)]
+    elapsed_s: Seconds
+    line_speed_kmh: SpeedKmh | UnsetType = UNSET
+    weld_position_m: Metres | UnsetType = UNSET
+    chainage_m: Metres | UnsetType = UNSET
+    rail: Name | UnsetType = UNSET
+
+    def problem(self) -> str | None:
+        """Matrices that do not fit their axes, or axes out of order; else None."""
+        if not increasing(self.speeds_kmh) or not increasing(self.positions_m):
+            return "speeds_kmh and positions_m must increase"
+        cells = len(self.speeds_kmh) * len(self.positions_m)
+        for name in ("peak_force_n", "peak_x_m", "min_force_n", "contact_loss_s"):
+            if len(getattr(self, name)) != cells:
+                return f"{name} has {len(getattr(self, name))} values, the axes make {cells}"
+        return None
+
+
+class ForceHistory(Message, kw_only=True):
+    """One passage in the space domain; `x_m` is 0 at the sleeper before the weld, displacements positive up."""
+
+    weld_id: Name
+    profile_sha256: Sha256
+    config_sha256: Sha256
+    speed_kmh: SpeedKmh
+    position_m: Metres
+    x_m: Cells
+    force_n: Cells
+    wheel_m: Cells
+    rail_m: Cells
+    irregularity_m: Cells
+
+    def problem(self) -> str | None:
+        """Columns of different length; else None."""
+        lengths = {len(c) for c in (self.x_m, self.force_n, self.wheel_m, self.rail_m, self.irregularity_m)}
+        return None if len(lengths) == 1 else "x_m, force_n, wheel_m, rail_m and irregularity_m differ in length"
+
+
+class Criterion(msgspec.Struct, kw_only=True, frozen=True):
+    """One line of a verdict: the value found, the limit it was held against, and where the limit comes from."""
+
+    name: Name
+    value: float
+    limit: float
+    unit: Annotated[str, Meta(max_length=20)]
+    passed: bool
+    source: Text
+    verified: bool = False
+
+
+class Verdict(Message, kw_only=True):
+    """What to do with a weld, and why."""
+
+    weld_id: Name
+    profile_sha256: Sha256
+    config_sha256: Sha256
+    limits_sha256: Sha256
+    software: Name
+    decision: Decision
+    reason: Text
+    criteria: Annotated[list[Criterion], Meta(min_length=1, max_length=100)]
+    peak_force_n: ForceN
+    static_load_n: ForceN
+    worst_speed_kmh: SpeedKmh
+    worst_position_m: Metres
+    worst_x_m: Metres
+    judged_speed_kmh: Annotated[float, Meta(description="km/h, the highest speed that was judged", gt=0.0)]
+    chainage_m: Metres | UnsetType = UNSET
+    rail: Name | UnsetType = UNSET
+
+
+class Rejection(Message, kw_only=True):
+    """An input that could not be used, with what to do about it; the text it came as is kept."""
+
+    source: Name
+    reason: Text
+    remedy: Text
+    raw_text: Annotated[str, Meta(max_length=MAX_TEXT)] = ""
+    raw_truncated: bool = False
+    source_sha256: Sha256 | UnsetType = UNSET
+    profile_sha256: Sha256 | UnsetType = UNSET
+
+
+class Topic(msgspec.Struct, frozen=True):
+    """A row of the topic table; `name` is relative to the suite's namespace."""
+
+    name: str
+    type: type[Message]
+    latched: bool
+    description: str
+
+
+TOPICS: dict[type[Message], Topic] = {
+    topic.type: topic
+    for topic in (
+        Topic("weld_profile", WeldProfile, True, "measured weld geometries"),
+        Topic("force_map", ForceMap, True, "peak force over speed and position"),
+        Topic("force_history", ForceHistory, True, "the worst passage of a map"),
+        Topic("verdict", Verdict, True, "decisions"),
+        Topic("rejection", Rejection, True, "inputs that could not be used"),
+        Topic("simulation_settings", SimulationSettings, True, "track, engine, grid and wheel in force"),
+        Topic("assessment_settings", AssessmentSettings, True, "limits in force"),
+    )
+}
+
+M = TypeVar("M", bound=Message)
+
+
+class _Version(msgspec.Struct):
+    schema_version: str
+
+
+def encode(message: Message) -> bytes:
+    """The JSON of a message that keeps the contract.
+
+    Raises:
+        MessageError: a value that the contract forbids (a NaN, unequal lengths, a bound exceeded).
+    """
+    data = msgspec.json.encode(message)
+    decode(type(message), data)
+    return data
+
+
+def decode(kind: type[M], data: bytes | str) -> M:
+    """Read and validate one message.
+
+    Raises:
+        MessageError: not JSON, another major version, or against the contract.
+    """
+    raw = data.encode() if isinstance(data, str) else data
+    name = kind.__name__
+    if len(raw) > MAX_MESSAGE_BYTES:
+        raise MessageError(f"{name}: {len(raw)} bytes", f"send at most {MAX_MESSAGE_BYTES}")
+    try:
+        version = msgspec.json.decode(raw, type=_Version).schema_version
+        if version.split(".")[0] != SCHEMA_VERSION.split(".")[0]:
+            raise MessageError(
+                f"{name}: schema version {version} is unknown here",
+                f"send version {SCHEMA_VERSION} or update this node",
+            )
+        message = msgspec.json.decode(raw, type=kind)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise MessageError(f"{name}: {error}", f"send JSON after msgs_json/{name}.json") from None
+    problem = _not_finite(message) or message.problem()
+    if problem:
+        raise MessageError(f"{name}: {problem}", f"send JSON after msgs_json/{name}.json")
+    return message
+
+
+def _not_finite(message: msgspec.Struct) -> str | None:
+    for field in message.__struct_fields__:
+        value = getattr(message, field)
+        values = value if isinstance(value, list) else [value]
+        if any(isinstance(v, float) and not math.isfinite(v) for v in values):
+            return f"{field} holds a number that is not finite"
+        for item in values:
+            if isinstance(item, msgspec.Struct) and (problem := _not_finite(item)):
+                return f"{field}: {problem}"
+    return None
+
+
+def increasing(values: Sequence[float]) -> bool:
+    """Whether each value is larger than the one before it."""
+    return all(a < b for a, b in zip(values, values[1:], strict=False))
+
+
+def profile_problem(x_m: Sequence[float], z_m: Sequence[float]) -> str | None:
+    """Why a geometry cannot be simulated, in one clause, or None.
+
+    Bounds (design.md): 20 samples or more, x increasing, spacing up to 10 mm, heights spanning up to 10 mm, length up
+    to 5 m.
+    """
+    if len(x_m) != len(z_m):
+        return f"{len(x_m)} positions but {len(z_m)} heights"
+    for name, values in (("x", x_m), ("z", z_m)):
+        for row, value in enumerate(values, start=1):
+            if not math.isfinite(value):
+                return f"sample {row}: {name} is not a finite number"
+    if len(x_m) < MIN_PROFILE_SAMPLES:
+        return f"{len(x_m)} samples, {MIN_PROFILE_SAMPLES} are needed"
+    steps = [b - a for a, b in zip(x_m, x_m[1:], strict=False)]
+    for row, step in enumerate(steps, start=1):
+        if step <= 0.0:
+            return f"x does not increase from sample {row} to {row + 1}"
+    length = x_m[-1] - x_m[0]
+    if length > MAX_PROFILE_LENGTH_M * (1 + 1e-9):
+        return f"length {length:.3f} m, at most {MAX_PROFILE_LENGTH_M:g} m"
+    widest = max(range(len(steps)), key=steps.__getitem__)
+    if steps[widest] > MAX_PROFILE_SPACING_M * (1 + 1e-9):
+        return f"spacing {steps[widest] * 1e3:.3g} mm after sample {widest + 1}, at most {MAX_PROFILE_SPACING_M * 1e3:g} mm"
+    amplitude = max(z_m) - min(z_m)
+    if amplitude > MAX_PROFILE_AMPLITUDE_M * (1 + 1e-9):
+        return f"amplitude {amplitude * 1e3:.3g} mm, at most {MAX_PROFILE_AMPLITUDE_M * 1e3:g} mm"
+    return None
+
+
+def profile_sha256(x_m: Sequence[float], z_m: Sequence[float]) -> str:
+    """Identity of a geometry: SHA-256 of the JSON of its samples (shortest round-trip decimals, so exact)."""
+    return _sha256([list(map(float, x_m)), list(map(float, z_m))])
+
+
+def config_sha256(settings: SimulationSettings) -> str:
+    """Identity of simulation settings: SHA-256 of their content without the header and the hash itself."""
+    return _sha256(_content(settings, "config_sha256"))
+
+
+def limits_sha256(limits: Sequence[Limit]) -> str:
+    """Identity of a set of limits."""
+    return _sha256([msgspec.to_builtins(limit) for limit in limits])
+
+
+def _content(message: Message, *without: str) -> dict[str, Any]:
+    builtins: dict[str, Any] = msgspec.to_builtins(message)
+    return {k: v for k, v in builtins.items() if k not in (*Message.__struct_fields__, *without)}
+
+
+def _sha256(content: object) -> str:
+    return hashlib.sha256(msgspec.json.encode(content, order="sorted")).hexdigest()
+
+
+def json_schema(kind: type[Message]) -> dict[str, Any]:
+    """JSON Schema (2020-12) of a message, with every reference written out: Lichtblick resolves none."""
+    (schema,), components = msgspec.json.schema_components([kind], ref_template="{name}")
+    inlined: dict[str, Any] = _inline(schema, components)
+    required = sorted({*inlined.get("required", []), *Message.__struct_fields__}, key=list(inlined["properties"]).index)
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": f"weld_force_ros/{kind.__name__}.json",
+        **inlined,
+        "required": required,
+    }
+
+
+def _inline(schema: Any, components: dict[str, Any]) -> Any:
+    if isinstance(schema, list):
+        return [_inline(item, components) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    if "$ref" in schema:
+        referred = components[schema["$ref"]]
+        return _inline({**referred, **{k: v for k, v in schema.items() if k != "$ref"}}, components)
+    return {k: _inline(v, components) for k, v in schema.items()}

@@ -1,0 +1,1 @@
+"""The science: track receptance, fits, passages, verdicts. No ROS, no files, no printing."""

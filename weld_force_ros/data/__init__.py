@@ -1,0 +1,1 @@
+"""Tracks, fits, profiles and limits that are shipped, each with its sources."""

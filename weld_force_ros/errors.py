@@ -1,0 +1,39 @@
+"""The package's errors. Each message is one line that says what is wrong, where, and what to do."""
+
+
+class WeldForceError(Exception):
+    """Anything this package refuses or fails at on purpose."""
+
+
+class InputError(WeldForceError):
+    """An input (profile, track, option, message, bag) that cannot be used as it stands.
+
+    Attributes:
+        reason: what is wrong and where.
+        remedy: what the user can do about it.
+    """
+
+    def __init__(self, reason: str, remedy: str) -> None:
+        super().__init__(f"{reason}; {remedy}")
+        self.reason = reason
+        self.remedy = remedy
+
+
+class ProfileError(InputError):
+    """A weld profile that cannot be used."""
+
+
+class TrackError(InputError):
+    """A track description that cannot be used."""
+
+
+class MessageError(InputError):
+    """A message that does not keep the contract."""
+
+
+class BagError(InputError):
+    """A recording that cannot be read or written."""
+
+
+class NumericalError(WeldForceError):
+    """A computation that did not give a usable number."""

@@ -1,0 +1,1 @@
+"""The rclpy nodes; the only place that imports rclpy."""
