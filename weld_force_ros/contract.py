@@ -7,6 +7,7 @@ but for speeds, which are km/h and say so.
 """
 
 import hashlib
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal, TypeVar
@@ -54,9 +55,13 @@ class Stamp(msgspec.Struct, kw_only=True, frozen=True):
 
 
 class Message(msgspec.Struct, kw_only=True):
-    """What every message carries; `sequence` counts up by one per publisher, so that a gap is a loss."""
+    """What every message carries; `sequence` counts up by one per publisher and topic, so that a gap is a loss.
+
+    `publisher` is a node's full name and a token of its start: DDS does not tell a Python subscriber who sent a message.
+    """
 
     schema_version: Annotated[str, Meta(pattern=r"^\d+\.\d+$")] = SCHEMA_VERSION
+    publisher: Annotated[str, Meta(max_length=300)] = ""
     sequence: Annotated[int, Meta(ge=0)] = 0
     stamp: Stamp = Stamp()
 
@@ -329,7 +334,7 @@ def _not_finite(message: msgspec.Struct) -> str | None:
 
 def increasing(values: Sequence[float]) -> bool:
     """Whether each value is larger than the one before it."""
-    return all(a < b for a, b in zip(values, values[1:], strict=False))
+    return all(a < b for a, b in itertools.pairwise(values))
 
 
 def profile_problem(x_m: Sequence[float], z_m: Sequence[float]) -> str | None:
@@ -346,7 +351,7 @@ def profile_problem(x_m: Sequence[float], z_m: Sequence[float]) -> str | None:
                 return f"sample {row}: {name} is not a finite number"
     if len(x_m) < MIN_PROFILE_SAMPLES:
         return f"{len(x_m)} samples, {MIN_PROFILE_SAMPLES} are needed"
-    steps = [b - a for a, b in zip(x_m, x_m[1:], strict=False)]
+    steps = [b - a for a, b in itertools.pairwise(x_m)]
     for row, step in enumerate(steps, start=1):
         if step <= 0.0:
             return f"x does not increase from sample {row} to {row + 1}"
@@ -355,7 +360,8 @@ def profile_problem(x_m: Sequence[float], z_m: Sequence[float]) -> str | None:
         return f"length {length:.3f} m, at most {MAX_PROFILE_LENGTH_M:g} m"
     widest = max(range(len(steps)), key=steps.__getitem__)
     if steps[widest] > MAX_PROFILE_SPACING_M * (1 + 1e-9):
-        return f"spacing {steps[widest] * 1e3:.3g} mm after sample {widest + 1}, at most {MAX_PROFILE_SPACING_M * 1e3:g} mm"
+        bound_mm = MAX_PROFILE_SPACING_M * 1e3
+        return f"spacing {steps[widest] * 1e3:.3g} mm after sample {widest + 1}, at most {bound_mm:g} mm"
     amplitude = max(z_m) - min(z_m)
     if amplitude > MAX_PROFILE_AMPLITUDE_M * (1 + 1e-9):
         return f"amplitude {amplitude * 1e3:.3g} mm, at most {MAX_PROFILE_AMPLITUDE_M * 1e3:g} mm"

@@ -1,0 +1,281 @@
+"""The one composition: profile -> force map -> verdict. Nodes, command line, replay and campaign all call it."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from importlib import resources
+from pathlib import Path
+from typing import cast, get_args
+
+import msgspec
+import numpy as np
+
+from weld_force_ros import __version__, tracks
+from weld_force_ros.contract import (
+    AssessmentSettings,
+    Engine,
+    ForceHistory,
+    ForceMap,
+    Limit,
+    SimulationSettings,
+    Verdict,
+    WeldProfile,
+    config_sha256,
+    encode,
+    limits_sha256,
+)
+from weld_force_ros.core.passage import Rig, Wheel
+from weld_force_ros.core.verdict import MEASURES, find
+from weld_force_ros.core.weld import Trajectory, wheel_trajectory
+from weld_force_ros.errors import InputError
+
+SOFTWARE = f"weld_force_ros {__version__}"
+DEFAULT_SPEEDS = "20:300:5"
+DEFAULT_POSITIONS = "15"
+_ENGINES = ("common-poles",)
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """Everything found out about one weld."""
+
+    force_map: ForceMap
+    history: ForceHistory
+    verdict: Verdict
+
+
+def parse_speeds(text: str) -> list[float]:
+    """Speeds in km/h from `FIRST:LAST:STEP` (the last included) or a list `40,80`.
+
+    Raises:
+        InputError: not of that form, or not positive and increasing.
+    """
+    remedy = "write FIRST:LAST:STEP or a list such as 40,80, in km/h, increasing"
+    try:
+        if ":" in text:
+            first, last, step = (float(part) for part in text.split(":"))
+            if not step > 0 or not last >= first or (last - first) / step > 1e4:
+                raise ValueError
+            speeds = [first + i * step for i in range(int((last - first) / step + 1e-9) + 1)]
+        else:
+            speeds = [float(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(f"speeds {text!r} cannot be read", remedy) from None
+    if not all(np.isfinite(speeds)) or speeds[0] <= 0 or np.any(np.diff(speeds) <= 0):
+        raise InputError(f"speeds {text!r} are not positive and increasing", remedy)
+    return speeds
+
+
+def parse_positions(text: str) -> int | list[float]:
+    """Positions: one whole number N for N equal steps over a span, else metres after the sleeper, `0.15,0.30`.
+
+    Raises:
+        InputError: not of that form, or not increasing.
+    """
+    remedy = "write a whole number of steps over the span, or metres after the sleeper such as 0.15,0.30, increasing"
+    if text.strip().isdigit():
+        count = int(text)
+        if not 1 <= count <= 1000:
+            raise InputError(f"positions {text!r}: 1 to 1000 steps can be computed", remedy)
+        return count
+    try:
+        positions = [float(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(f"positions {text!r} cannot be read", remedy) from None
+    if not all(np.isfinite(positions)) or np.any(np.diff(positions) <= 0):
+        raise InputError(f"positions {text!r} are not finite and increasing", remedy)
+    return positions
+
+
+def simulation_settings(
+    *,
+    track: str = "bilbao",
+    engine: str = "common-poles",
+    speeds_kmh: Sequence[float] | None = None,
+    positions: int | Sequence[float] = int(DEFAULT_POSITIONS),
+    wheel_mass_kg: float | None = None,
+    static_load_n: float | None = None,
+    wheel_radius_m: float | None = None,
+    hertz_n_per_m15: float | None = None,
+) -> SimulationSettings:
+    """Settings of a simulation, complete and checked; what is not given for the wheel is the track file's.
+
+    Args:
+        track: a shipped track's name or the path of a track file.
+        engine: how the track is represented in time.
+        speeds_kmh: increasing; default 20 to 300 in steps of 5.
+        positions: number of equal steps over the span, or metres after the sleeper.
+        wheel_mass_kg: half a wheelset.
+        static_load_n: static wheel load.
+        wheel_radius_m: rolling radius.
+        hertz_n_per_m15: Hertz constant.
+
+    Raises:
+        InputError: anything that cannot be simulated.
+    """
+    if engine not in _ENGINES:
+        raise InputError(f"engine {engine!r} is not available", f"use {', '.join(_ENGINES)}")
+    definition = tracks.load(track)
+    wheel = definition.wheel
+    given = {
+        "mass_kg": wheel_mass_kg,
+        "static_load_n": static_load_n,
+        "radius_m": wheel_radius_m,
+        "hertz_n_per_m15": hertz_n_per_m15,
+    }
+    for name, value in given.items():
+        if value is not None:
+            if not np.isfinite(value) or value <= 0:
+                raise InputError(f"wheel {name} is {value:g}", "give a positive number")
+            wheel = replace(wheel, **{name: float(value)})
+    spacing = definition.track.spacing_m
+    at = [i * spacing / positions for i in range(positions)] if isinstance(positions, int) else list(positions)
+    settings = SimulationSettings(
+        config_sha256="0" * 64,
+        track=definition.track.name,
+        track_definition=definition.text,
+        engine=cast(Engine, engine),
+        speeds_kmh=list(map(float, speeds_kmh)) if speeds_kmh is not None else parse_speeds(DEFAULT_SPEEDS),
+        positions_m=list(map(float, at)),
+        wheel_mass_kg=wheel.mass_kg,
+        static_load_n=wheel.static_load_n,
+        wheel_radius_m=wheel.radius_m,
+        hertz_n_per_m15=wheel.hertz_n_per_m15,
+    )
+    settings.config_sha256 = config_sha256(settings)
+    encode(settings)
+    return settings
+
+
+class Simulator:
+    """Force maps and histories under fixed settings; making one loads the track's fit and may have to compute it.
+
+    One simulator may be used from several threads.
+    """
+
+    def __init__(self, settings: SimulationSettings, *, on_fit: Callable[[str], None] | None = None) -> None:
+        """Load the fit that `settings` ask for.
+
+        Raises:
+            InputError: settings that this version cannot simulate.
+        """
+        if settings.engine not in _ENGINES:
+            raise InputError(f"engine {settings.engine!r} is not available", f"use {', '.join(_ENGINES)}")
+        self.settings = settings
+        # The text, not the name: a recording then holds all that its replay needs.
+        definition = tracks.parse(settings.track_definition, settings.track)
+        wheel = Wheel(settings.wheel_mass_kg, settings.static_load_n, settings.wheel_radius_m, settings.hertz_n_per_m15)
+        self._span_m = definition.track.spacing_m
+        self._rig = Rig(tracks.fitted(definition, on_fit=on_fit).model(), wheel)
+
+    def trajectory(self, profile: WeldProfile) -> Trajectory:
+        """The wheel centre's trajectory over a profile."""
+        return wheel_trajectory(np.array(profile.x_m), np.array(profile.z_m), self._rig.wheel.radius_m)
+
+    def force_map(self, profile: WeldProfile, *, on_speed: Callable[[], None] | None = None) -> ForceMap:
+        """Peak force at every speed and position of the settings; `on_speed` is called after each speed.
+
+        Raises:
+            NumericalError: a passage did not stay finite.
+        """
+        began = time.perf_counter()
+        settings = self.settings
+        surface = self._rig.surface(
+            self.trajectory(profile), settings.speeds_kmh, settings.positions_m, on_speed=on_speed
+        )
+        return ForceMap(
+            weld_id=profile.weld_id,
+            profile_sha256=profile.profile_sha256,
+            config_sha256=settings.config_sha256,
+            track=settings.track,
+            engine=settings.engine,
+            speeds_kmh=settings.speeds_kmh,
+            positions_m=settings.positions_m,
+            peak_force_n=surface.peak_force_n.ravel().tolist(),
+            peak_x_m=surface.peak_x_m.ravel().tolist(),
+            min_force_n=surface.min_force_n.ravel().tolist(),
+            contact_loss_s=surface.contact_loss_s.ravel().tolist(),
+            static_load_n=settings.static_load_n,
+            span_m=self._span_m,
+            elapsed_s=time.perf_counter() - began,
+            line_speed_kmh=profile.line_speed_kmh,
+            weld_position_m=profile.weld_position_m,
+            chainage_m=profile.chainage_m,
+            rail=profile.rail,
+        )
+
+    def force_history(self, profile: WeldProfile, speed_kmh: float, position_m: float) -> ForceHistory:
+        """One passage in the space domain."""
+        history = self._rig.history(self.trajectory(profile), speed_kmh, position_m)
+        return ForceHistory(
+            weld_id=profile.weld_id,
+            profile_sha256=profile.profile_sha256,
+            config_sha256=self.settings.config_sha256,
+            speed_kmh=speed_kmh,
+            position_m=position_m,
+            x_m=history.x_m.tolist(),
+            force_n=history.force_n.tolist(),
+            wheel_m=history.wheel_m.tolist(),
+            rail_m=history.rail_m.tolist(),
+            irregularity_m=history.irregularity_m.tolist(),
+        )
+
+    def worst_history(self, profile: WeldProfile, force_map: ForceMap) -> ForceHistory:
+        """The passage that decides the verdict on `force_map`."""
+        worst = find(force_map, [])
+        return self.force_history(profile, worst.worst_speed_kmh, worst.worst_position_m)
+
+
+def load_limits(path: Path | None = None) -> AssessmentSettings:
+    """Limits from a YAML file of the form of `data/limits/default.yaml`, which is the default.
+
+    Raises:
+        InputError: not readable, not of that form, or a limit for a criterion that does not exist.
+    """
+    source = str(path or "data/limits/default.yaml")
+    remedy = "write it after data/limits/default.yaml"
+    file = path or resources.files("weld_force_ros.data") / "limits" / "default.yaml"
+    try:
+        limits = msgspec.yaml.decode(file.read_bytes(), type=list[Limit])
+    except (OSError, msgspec.DecodeError) as error:
+        raise InputError(f"limits {source}: {' '.join(str(error).split())}", remedy) from None
+    for limit in limits:
+        if limit.name not in MEASURES:
+            raise InputError(f"limits {source}: {limit.name!r} names no criterion", f"use {', '.join(MEASURES)}")
+    settings = AssessmentSettings(limits_sha256=limits_sha256(limits), limits=limits)
+    encode(settings)
+    return settings
+
+
+def judge(force_map: ForceMap, limits: AssessmentSettings) -> Verdict:
+    """The verdict on a force map."""
+    found = find(force_map, limits.limits)
+    return Verdict(
+        weld_id=force_map.weld_id,
+        profile_sha256=force_map.profile_sha256,
+        config_sha256=force_map.config_sha256,
+        limits_sha256=limits.limits_sha256,
+        software=SOFTWARE,
+        decision=found.decision,
+        reason=found.reason,
+        criteria=list(found.criteria),
+        peak_force_n=found.peak_force_n,
+        static_load_n=force_map.static_load_n,
+        worst_speed_kmh=found.worst_speed_kmh,
+        worst_position_m=found.worst_position_m,
+        worst_x_m=found.worst_x_m,
+        judged_speed_kmh=found.judged_speed_kmh,
+        chainage_m=force_map.chainage_m,
+        rail=force_map.rail,
+    )
+
+
+def assess(profile: WeldProfile, simulator: Simulator, limits: AssessmentSettings) -> Assessment:
+    """From a profile to its verdict."""
+    force_map = simulator.force_map(profile)
+    return Assessment(force_map, simulator.worst_history(profile, force_map), judge(force_map, limits))
+
+
+def engines() -> tuple[str, ...]:
+    """Engines that can be asked for."""
+    return tuple(e for e in get_args(get_args(Engine)[0]) if e in _ENGINES)

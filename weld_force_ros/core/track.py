@@ -1,0 +1,224 @@
+"""Track receptance in the frequency domain: a Timoshenko rail on periodic or continuous support, exactly.
+
+Displacement per force, exp(+i w t), positive in the direction of the force. The rail is infinite; its supports (pad,
+sleeper mass, ballast in series) react with vertical forces only.
+
+Periodic support is solved in closed form. The free rail answers a force with two waves, g(x) = sum_j A_j exp(-k_j |x|).
+A Floquet wave of the supported rail is the sum over all supports of their reactions, each lambda times the one before,
+so that geometric series give its shape in a span, and the condition at a support a quadratic equation in
+cosh(mu) = (lambda + 1/lambda) / 2. The response to a force is the residue at its two decaying roots (Mead, "Wave
+propagation in continuous periodic structures", J. Sound Vib. 190 (1996); Heckl, "Coupled waves on a periodically
+supported Timoshenko beam", J. Sound Vib. 252 (2002)).
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Complex = NDArray[np.complexfloating[Any, Any]]
+Real = NDArray[np.floating[Any]]
+
+# Low enough for inertia to vanish (some 1e-6 of the stiffness), high enough for the waves to stay distinct numbers.
+_STATIC_HZ = 0.1
+
+
+@dataclass(frozen=True)
+class Rail:
+    """A Timoshenko beam; `loss_factor` acts on bending and shear."""
+
+    mass_kg_per_m: float
+    area_m2: float
+    second_moment_m4: float
+    youngs_modulus_pa: float
+    shear_modulus_pa: float
+    shear_coefficient: float
+    loss_factor: float = 0.0
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A pad or ballast under one rail: k (1 + i eta) + i w c."""
+
+    stiffness_n_per_m: float
+    loss_factor: float = 0.0
+    damping_ns_per_m: float = 0.0
+
+    def dynamic_stiffness(self, omega: Real) -> Complex:
+        """Complex stiffness in N/m, shape of `omega` (rad/s)."""
+        return np.asarray(self.stiffness_n_per_m * (1 + 1j * self.loss_factor) + 1j * omega * self.damping_ns_per_m)
+
+    def undamped(self) -> "Spring":
+        """The same stiffness without loss."""
+        return Spring(self.stiffness_n_per_m)
+
+
+@dataclass(frozen=True)
+class Track:
+    """A rail on supports `spacing_m` apart, or, if `continuous`, on the same supports smeared over that spacing."""
+
+    name: str
+    rail: Rail
+    pad: Spring
+    sleeper_mass_kg: float
+    ballast: Spring
+    spacing_m: float
+    continuous: bool = False
+
+    def undamped(self) -> "Track":
+        """The same track without any loss."""
+        return replace(
+            self, rail=replace(self.rail, loss_factor=0.0), pad=self.pad.undamped(), ballast=self.ballast.undamped()
+        )
+
+    @property
+    def causal(self) -> bool:
+        """Whether damping is viscous in both layers; a loss factor has no causal impulse response."""
+        return self.pad.loss_factor == 0.0 and self.ballast.loss_factor == 0.0
+
+    def support_stiffness(self, omega: Real) -> Complex:
+        """Dynamic stiffness of one support seen by the rail, N/m."""
+        pad = self.pad.dynamic_stiffness(omega)
+        below = self.ballast.dynamic_stiffness(omega) - self.sleeper_mass_kg * omega**2
+        return pad * below / (pad + below)
+
+
+def receptance(track: Track, frequency_hz: ArrayLike, at_m: ArrayLike) -> Complex:
+    """Point receptance of the rail, m/N.
+
+    Args:
+        track: the track.
+        frequency_hz: (n_frequency,), positive.
+        at_m: (n_at,), metres after a sleeper; any real number.
+
+    Returns:
+        (n_at, n_frequency).
+    """
+    at = np.atleast_1d(np.asarray(at_m, dtype=np.float64))
+    return transfer_receptance(track, frequency_hz, at, at)
+
+
+def transfer_receptance(track: Track, frequency_hz: ArrayLike, at_m: ArrayLike, force_at_m: ArrayLike) -> Complex:
+    """Receptance of the rail at `at_m` to a force at `force_at_m`, m/N.
+
+    Args:
+        track: the track.
+        frequency_hz: (n_frequency,), positive.
+        at_m: (n_at,), metres, 0 at a sleeper.
+        force_at_m: (n_at,) or scalar, metres in the same coordinate.
+
+    Returns:
+        (n_at, n_frequency).
+    """
+    omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
+    at, force_at = np.broadcast_arrays(
+        np.atleast_1d(np.asarray(at_m, dtype=np.float64)), np.asarray(force_at_m, dtype=np.float64)
+    )
+    if track.continuous:
+        waves = _rail_waves(track.rail, omega, track.support_stiffness(omega) / track.spacing_m)
+        return waves.response(np.abs(at - force_at))
+    return _Floquet(track, omega).response(at, force_at)
+
+
+def static_compliance(track: Track, at_m: ArrayLike) -> Real:
+    """Deflection under a resting unit load, m/N, shape (n_at,): the undamped track, as loss does not act at rest."""
+    return receptance(track.undamped(), [_STATIC_HZ], at_m)[:, 0].real
+
+
+def sections(track: Track, count: int) -> Real:
+    """`count` equidistant sections over one span, m, the first over a sleeper; continuous support needs one."""
+    return np.zeros(1) if track.continuous else np.arange(count) * (track.spacing_m / count)
+
+
+def pinned_pinned_hz(track: Track) -> float:
+    """First pinned-pinned frequency: half a bending wave between fixed sleepers, Timoshenko beam, Hz.
+
+    The lower root of the beam's frequency equation at k = pi / spacing.
+    """
+    rail, k = track.rail, np.pi / track.spacing_m
+    shear = rail.shear_coefficient * rail.shear_modulus_pa * rail.area_m2
+    bending = rail.youngs_modulus_pa * rail.second_moment_m4
+    rotary = rail.mass_kg_per_m * rail.second_moment_m4 / rail.area_m2
+    # (shear k^2 - m w^2) (bending k^2 + shear - rotary w^2) = (shear k)^2
+    square = np.roots(
+        [
+            rail.mass_kg_per_m * rotary,
+            -(rail.mass_kg_per_m * (bending * k**2 + shear) + rotary * shear * k**2),
+            shear * bending * k**4,
+        ]
+    )
+    return float(np.sqrt(square.real.min()) / (2 * np.pi))
+
+
+@dataclass(frozen=True)
+class _RailWaves:
+    """g(x) = sum_j amplitude_j exp(-decay_j |x|), both of shape (2, n_frequency), Re(decay) > 0."""
+
+    decay: Complex
+    amplitude: Complex
+
+    def response(self, distance_m: Real) -> Complex:
+        waves = self.amplitude[:, None, :] * np.exp(-self.decay[:, None, :] * distance_m[None, :, None])
+        return np.asarray(waves.sum(axis=0))
+
+
+def _rail_waves(rail: Rail, omega: Real, foundation: Complex | float = 0.0) -> _RailWaves:
+    """The rail's two waves, free or on a foundation of complex stiffness N/m^2."""
+    loss = 1 + 1j * rail.loss_factor
+    shear = rail.shear_coefficient * rail.shear_modulus_pa * rail.area_m2 * loss
+    bending = rail.youngs_modulus_pa * rail.second_moment_m4 * loss
+    inertia = rail.mass_kg_per_m * omega**2 - foundation
+    rotary = rail.mass_kg_per_m * rail.second_moment_m4 / rail.area_m2 * omega**2
+    # exp(-k x): shear bending k^4 + (shear rotary + bending inertia) k^2 + inertia (rotary - shear) = 0
+    half = (shear * rotary + bending * inertia) / (2 * shear * bending)
+    root = np.sqrt(half**2 - inertia * (rotary - shear) / (shear * bending) + 0j)
+    square = np.stack([-half + root, -half - root])
+    decay = np.sqrt(square)
+    # An undamped travelling wave has no real part: the root that radiates away is +i |k| (phase lag with distance).
+    lossless = np.abs(decay.real) <= 1e-9 * np.abs(decay)
+    decay = np.where(lossless, 1j * np.abs(decay.imag), np.where(decay.real < 0, -decay, decay))
+    other = square[::-1]
+    amplitude = (shear - rotary - bending * square) / (2 * decay * shear * bending * (other - square))
+    return _RailWaves(decay, amplitude)
+
+
+class _Floquet:
+    """The two decaying Floquet waves of a periodically supported rail, for many frequencies at once."""
+
+    def __init__(self, track: Track, omega: Real) -> None:
+        self.span_m = track.spacing_m
+        self.rail = _rail_waves(track.rail, omega)
+        support = track.support_stiffness(omega)
+        (a1, a2), (k1, k2) = self.rail.amplitude, self.rail.decay * self.span_m
+        c1, c2, s1, s2 = np.cosh(k1), np.cosh(k2), np.sinh(k1), np.sinh(k2)
+        # 1 + support sum_j A_j s_j / (c_j - c) = 0, c = cosh(mu)
+        linear = -(c1 + c2 + support * (a1 * s1 + a2 * s2))
+        constant = c1 * c2 + support * (a1 * s1 * c2 + a2 * s2 * c1)
+        root = np.sqrt(linear**2 / 4 - constant + 0j)
+        cosh = np.stack([-linear / 2 + root, -linear / 2 - root])
+        sinh = np.sqrt(cosh**2 - 1)
+        sinh = np.where(np.abs(cosh - sinh) > 1, -sinh, sinh)
+        self.multiplier = cosh - sinh  # |.| <= 1
+        # d/d mu of the condition at a support, which the residue needs
+        slope = support * sinh * (a1 * s1 / (c1 - cosh) ** 2 + a2 * s2 / (c2 - cosh) ** 2)
+        self.strength = support / slope
+
+    def response(self, at_m: Real, force_at_m: Real) -> Complex:
+        ahead = np.maximum(at_m, force_at_m)
+        behind = np.minimum(at_m, force_at_m)  # reciprocity: the response depends on the pair only
+        waves = self.strength[:, None, :] * self._shape(ahead) * self._shape(-behind)
+        return np.asarray(waves.sum(axis=0))
+
+    def _shape(self, x_m: Real) -> Complex:
+        """The wave that decays towards +x at `x_m`: (2 Floquet waves, n_x, n_frequency)."""
+        span = np.floor(x_m / self.span_m)
+        x = (x_m - span * self.span_m)[None, :, None]
+        multiplier = self.multiplier[:, None, :]
+        shape = np.zeros((2, len(x_m), multiplier.shape[-1]), dtype=np.complex128)
+        for decay, amplitude in zip(self.rail.decay, self.rail.amplitude, strict=True):
+            step = np.exp(-decay * self.span_m)
+            from_behind = np.exp(-decay * x) / (1 - step / multiplier)
+            from_ahead = multiplier * np.exp(-decay * (self.span_m - x)) / (1 - step * multiplier)
+            shape += amplitude * (from_behind + from_ahead)
+        return np.asarray(shape * multiplier ** span[None, :, None])

@@ -1,0 +1,292 @@
+"""Track files and the fits that belong to them.
+
+A track file is YAML (see `data/tracks/bilbao.yaml`); each number may stand bare or as `{value, source}`. A fit is
+looked up by the content that it depends on: first among the shipped ones, then in the user's cache folder, else it is
+made and kept there.
+"""
+
+import contextlib
+import hashlib
+import math
+import os
+import tempfile
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+import platformdirs
+from msgspec import Meta
+
+from weld_force_ros import __version__
+from weld_force_ros.core.passage import Wheel
+from weld_force_ros.core.poles import REPORT_BANDS, PoleModel, default_fit, relative_error
+from weld_force_ros.core.track import Rail, Spring, Track
+from weld_force_ros.errors import TrackError
+
+# Part of every fit's key: raise it when the fit of the same track would come out differently.
+FIT_VERSION = 1
+
+_DATA = resources.files("weld_force_ros.data")
+_LONGEST_FILE = 65_536
+
+
+class _Sourced(msgspec.Struct, forbid_unknown_fields=True):
+    value: float
+    source: str
+
+
+_Number = float | _Sourced
+
+
+class _RailFile(msgspec.Struct, forbid_unknown_fields=True):
+    mass_kg_per_m: _Number
+    area_cm2: _Number
+    second_moment_cm4: _Number
+    youngs_modulus_gpa: _Number
+    shear_modulus_gpa: _Number
+    shear_coefficient: _Number
+    loss_factor: _Number = 0.0
+    section: str = ""
+
+
+class _LayerFile(msgspec.Struct, forbid_unknown_fields=True):
+    stiffness_kn_per_mm: _Number
+    loss_factor: _Number = 0.0
+    damping_kns_per_m: _Number = 0.0
+
+
+class _SupportsFile(msgspec.Struct, forbid_unknown_fields=True):
+    kind: Literal["periodic", "continuous"]
+    spacing_m: _Number
+    pad: _LayerFile
+    half_sleeper_mass_kg: _Number
+    ballast: _LayerFile
+
+
+class _WheelFile(msgspec.Struct, forbid_unknown_fields=True):
+    mass_kg: _Number
+    static_load_kn: _Number
+    radius_m: _Number
+    hertz_gn_per_m15: _Number
+
+
+class _TrackFile(msgspec.Struct, forbid_unknown_fields=True):
+    name: Annotated[str, Meta(min_length=1, max_length=200)]
+    rail: _RailFile
+    supports: _SupportsFile
+    wheel: _WheelFile
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class TrackDefinition:
+    """A track with the wheel that runs on it by default, and the text that defines both."""
+
+    track: Track
+    wheel: Wheel
+    description: str
+    text: str
+
+
+def shipped() -> list[str]:
+    """Names of the tracks that come with the package."""
+    return sorted(f.name.removesuffix(".yaml") for f in (_DATA / "tracks").iterdir() if f.name.endswith(".yaml"))
+
+
+def load(name_or_path: str) -> TrackDefinition:
+    """A shipped track by name, or a user's own by the path of its YAML file.
+
+    Raises:
+        TrackError: neither a shipped track nor a readable file, or a file that does not describe a track.
+    """
+    if name_or_path in shipped():
+        return parse((_DATA / "tracks" / f"{name_or_path}.yaml").read_text(encoding="utf-8"), name_or_path)
+    path = Path(name_or_path)
+    if path.suffix.lower() not in (".yaml", ".yml") or not path.is_file():
+        raise TrackError(
+            f"track {name_or_path!r} is neither shipped nor a YAML file", f"use {', '.join(shipped())} or FILE.yaml"
+        )
+    try:
+        text = path.read_bytes()[: _LONGEST_FILE + 1].decode()
+    except (OSError, UnicodeDecodeError) as error:
+        raise TrackError(f"track file {path}: {error}", "give a readable YAML file") from None
+    return parse(text, str(path))
+
+
+def parse(text: str, source: str) -> TrackDefinition:
+    """A track from the text of its file; `source` names it in errors.
+
+    Raises:
+        TrackError: not YAML, an unknown or missing field, or a number out of its range.
+    """
+    if len(text) > _LONGEST_FILE:
+        raise TrackError(f"track file {source}: over {_LONGEST_FILE} characters", "a track file has some forty lines")
+    try:
+        file = msgspec.yaml.decode(text.encode(), type=_TrackFile)
+    except (msgspec.DecodeError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise TrackError(f"track file {source}: {reason}", "write it after data/tracks/bilbao.yaml") from None
+    reader = _Reader(source)
+    rail, supports, wheel = file.rail, file.supports, file.wheel
+    positive = reader.positive
+    track = Track(
+        name=file.name,
+        rail=Rail(
+            mass_kg_per_m=positive("rail.mass_kg_per_m", rail.mass_kg_per_m),
+            area_m2=positive("rail.area_cm2", rail.area_cm2) * 1e-4,
+            second_moment_m4=positive("rail.second_moment_cm4", rail.second_moment_cm4) * 1e-8,
+            youngs_modulus_pa=positive("rail.youngs_modulus_gpa", rail.youngs_modulus_gpa) * 1e9,
+            shear_modulus_pa=positive("rail.shear_modulus_gpa", rail.shear_modulus_gpa) * 1e9,
+            shear_coefficient=reader.within("rail.shear_coefficient", rail.shear_coefficient, 0.05, 1.0),
+            loss_factor=reader.within("rail.loss_factor", rail.loss_factor, 0.0, 0.5),
+        ),
+        pad=reader.spring("supports.pad", supports.pad),
+        sleeper_mass_kg=positive("supports.half_sleeper_mass_kg", supports.half_sleeper_mass_kg),
+        ballast=reader.spring("supports.ballast", supports.ballast),
+        spacing_m=reader.within("supports.spacing_m", supports.spacing_m, 0.2, 2.0),
+        continuous=supports.kind == "continuous",
+    )
+    rolling = Wheel(
+        mass_kg=positive("wheel.mass_kg", wheel.mass_kg),
+        static_load_n=positive("wheel.static_load_kn", wheel.static_load_kn) * 1e3,
+        radius_m=reader.within("wheel.radius_m", wheel.radius_m, 0.1, 1.5),
+        hertz_n_per_m15=positive("wheel.hertz_gn_per_m15", wheel.hertz_gn_per_m15) * 1e9,
+    )
+    return TrackDefinition(track, rolling, file.description, text)
+
+
+@dataclass(frozen=True)
+class _Reader:
+    source: str
+
+    def within(self, name: str, number: _Number, least: float, most: float) -> float:
+        value = number.value if isinstance(number, _Sourced) else number
+        if not math.isfinite(value) or not least <= value <= most:
+            raise TrackError(
+                f"track file {self.source}: {name} is {value:g}", f"give a number from {least:g} to {most:g}"
+            )
+        return value
+
+    def positive(self, name: str, number: _Number) -> float:
+        return self.within(name, number, 1e-6, 1e6)
+
+    def spring(self, name: str, layer: _LayerFile) -> Spring:
+        spring = Spring(
+            stiffness_n_per_m=self.positive(f"{name}.stiffness_kn_per_mm", layer.stiffness_kn_per_mm) * 1e6,
+            loss_factor=self.within(f"{name}.loss_factor", layer.loss_factor, 0.0, 3.0),
+            damping_ns_per_m=self.within(f"{name}.damping_kns_per_m", layer.damping_kns_per_m, 0.0, 1e5) * 1e3,
+        )
+        if spring.loss_factor == 0.0 and spring.damping_ns_per_m == 0.0:
+            raise TrackError(
+                f"track file {self.source}: {name} has no damping", "give loss_factor or damping_kns_per_m"
+            )
+        return spring
+
+
+class FitFile(msgspec.Struct, kw_only=True):
+    """A fit on disk: the model, what it was made from and how well it came out.
+
+    `residues_*` are row-major (section, pole). `error_by_band` follows `bands_hz` (pairs of ends): RMS of
+    |fit - exact| / |exact + contact and wheel|.
+    """
+
+    key: str
+    track: str
+    engine: str
+    software: str
+    order: int
+    spacing_m: float
+    section_m: list[float]
+    poles_re_rad_s: list[float]
+    poles_im_rad_s: list[float]
+    residues_re: list[float]
+    residues_im: list[float]
+    error: float
+    bands_hz: list[float]
+    error_by_band: list[float]
+
+    def model(self) -> PoleModel:
+        """The fitted track."""
+        shape = (len(self.section_m), len(self.poles_re_rad_s))
+        return PoleModel(
+            poles_rad_s=np.array(self.poles_re_rad_s) + 1j * np.array(self.poles_im_rad_s),
+            residues=(np.array(self.residues_re) + 1j * np.array(self.residues_im)).reshape(shape),
+            section_m=np.array(self.section_m),
+            spacing_m=self.spacing_m,
+        )
+
+
+def fit_key(definition: TrackDefinition) -> str:
+    """Identity of a fit: the numbers it depends on, not the text they came in."""
+    content = [FIT_VERSION, "common-poles", asdict(definition.track) | {"name": ""}, asdict(definition.wheel)]
+    return hashlib.sha256(msgspec.json.encode(content, order="sorted")).hexdigest()
+
+
+def fitted(definition: TrackDefinition, *, on_fit: Callable[[str], None] | None = None) -> FitFile:
+    """The fit of a track: shipped, cached, or made now and cached.
+
+    Args:
+        definition: the track and its own wheel, by which errors are weighed.
+        on_fit: told, in words, if the fit has to be made, which takes some seconds.
+    """
+    key = fit_key(definition)
+    shipped_file = _DATA / "fits" / f"{definition.track.name}.common-poles.json"
+    cached_file = platformdirs.user_cache_path("weld_force_ros") / "fits" / f"{key}.json"
+    for file in (shipped_file, cached_file):
+        if (found := _read(file, key)) is not None:
+            return found
+    if on_fit:
+        on_fit(f"fitting track {definition.track.name}, once")
+    fit = make_fit(definition)
+    with contextlib.suppress(OSError):  # a read-only home costs time at the next start, nothing else
+        write_fit(fit, cached_file)
+    return fit
+
+
+def make_fit(definition: TrackDefinition) -> FitFile:
+    """Fit a track now."""
+    track, wheel = definition.track, definition.wheel
+    model = default_fit(track, wheel.compliance)
+    return FitFile(
+        key=fit_key(definition),
+        track=track.name,
+        engine="common-poles",
+        software=f"weld_force_ros {__version__}",
+        order=model.order,
+        spacing_m=model.spacing_m,
+        section_m=model.section_m.tolist(),
+        poles_re_rad_s=model.poles_rad_s.real.tolist(),
+        poles_im_rad_s=model.poles_rad_s.imag.tolist(),
+        residues_re=model.residues.real.ravel().tolist(),
+        residues_im=model.residues.imag.ravel().tolist(),
+        error=relative_error(model, track, wheel.compliance),
+        bands_hz=[end for band in REPORT_BANDS for end in band],
+        error_by_band=[relative_error(model, track, wheel.compliance, band) for band in REPORT_BANDS],
+    )
+
+
+def write_fit(fit: FitFile, path: Path) -> None:
+    """Write a fit so that another process sees either the whole file or none."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(msgspec.json.format(msgspec.json.encode(fit), indent=0) + b"\n")
+        Path(name).chmod(0o644)
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def _read(file: resources.abc.Traversable, key: str) -> FitFile | None:
+    """A fit file of that key, or None: a damaged cache entry is as good as none."""
+    try:
+        fit = msgspec.json.decode(file.read_bytes(), type=FitFile)
+    except (OSError, msgspec.DecodeError):
+        return None
+    return fit if fit.key == key else None
