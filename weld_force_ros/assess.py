@@ -25,6 +25,7 @@ from weld_force_ros.contract import (
     limits_sha256,
 )
 from weld_force_ros.core.passage import Rig, Wheel
+from weld_force_ros.core.track import Real
 from weld_force_ros.core.verdict import MEASURES, find
 from weld_force_ros.core.weld import Trajectory, wheel_trajectory
 from weld_force_ros.errors import InputError
@@ -33,6 +34,14 @@ SOFTWARE = f"weld_force_ros {__version__}"
 DEFAULT_SPEEDS = "20:300:5"
 DEFAULT_POSITIONS = "15"
 _ENGINES = ("common-poles",)
+_AFTER_PEAK_M = 0.1
+
+# Messages keep what means something: 0.01 N is a ten-millionth of a wheel load, 0.1 nm far below any roughness.
+_FORCE_DECIMALS = 2
+_PLACE_DECIMALS = 6
+_TIME_DECIMALS = 9
+_DISPLACEMENT_DECIMALS = 10
+_HISTORY_STEP_M = 1e-3
 
 
 @dataclass(frozen=True)
@@ -73,8 +82,8 @@ def parse_positions(text: str) -> int | list[float]:
         InputError: not of that form, or not increasing.
     """
     remedy = "write a whole number of steps over the span, or metres after the sleeper such as 0.15,0.30, increasing"
-    if text.strip().isdigit():
-        count = int(text)
+    if text.strip().isdecimal():
+        count = int(text) if len(text) < 10 else 0
         if not 1 <= count <= 1000:
             raise InputError(f"positions {text!r}: 1 to 1000 steps can be computed", remedy)
         return count
@@ -191,10 +200,10 @@ class Simulator:
             engine=settings.engine,
             speeds_kmh=settings.speeds_kmh,
             positions_m=settings.positions_m,
-            peak_force_n=surface.peak_force_n.ravel().tolist(),
-            peak_x_m=surface.peak_x_m.ravel().tolist(),
-            min_force_n=surface.min_force_n.ravel().tolist(),
-            contact_loss_s=surface.contact_loss_s.ravel().tolist(),
+            peak_force_n=_rounded(surface.peak_force_n, _FORCE_DECIMALS),
+            peak_x_m=_rounded(surface.peak_x_m, _PLACE_DECIMALS),
+            min_force_n=_rounded(surface.min_force_n, _FORCE_DECIMALS),
+            contact_loss_s=_rounded(surface.contact_loss_s, _TIME_DECIMALS),
             static_load_n=settings.static_load_n,
             span_m=self._span_m,
             elapsed_s=time.perf_counter() - began,
@@ -204,26 +213,36 @@ class Simulator:
             rail=profile.rail,
         )
 
-    def force_history(self, profile: WeldProfile, speed_kmh: float, position_m: float) -> ForceHistory:
-        """One passage in the space domain."""
-        history = self._rig.history(self.trajectory(profile), speed_kmh, position_m)
+    def force_history(
+        self, profile: WeldProfile, speed_kmh: float, position_m: float, *, until_m: float = 0.0
+    ) -> ForceHistory:
+        """One passage in the space domain, a span before and after the weld, or to `until_m` if that is later."""
+        history = self._rig.history(self.trajectory(profile), speed_kmh, position_m, until_m=until_m)
+        every = slice(None, None, max(1, round(_HISTORY_STEP_M / (history.x_m[1] - history.x_m[0]))))
         return ForceHistory(
             weld_id=profile.weld_id,
             profile_sha256=profile.profile_sha256,
             config_sha256=self.settings.config_sha256,
             speed_kmh=speed_kmh,
             position_m=position_m,
-            x_m=history.x_m.tolist(),
-            force_n=history.force_n.tolist(),
-            wheel_m=history.wheel_m.tolist(),
-            rail_m=history.rail_m.tolist(),
-            irregularity_m=history.irregularity_m.tolist(),
+            x_m=_rounded(history.x_m[every], _PLACE_DECIMALS),
+            force_n=_rounded(history.force_n[every], _FORCE_DECIMALS),
+            wheel_m=_rounded(history.wheel_m[every], _DISPLACEMENT_DECIMALS),
+            rail_m=_rounded(history.rail_m[every], _DISPLACEMENT_DECIMALS),
+            irregularity_m=_rounded(history.irregularity_m[every], _DISPLACEMENT_DECIMALS),
         )
 
     def worst_history(self, profile: WeldProfile, force_map: ForceMap) -> ForceHistory:
         """The passage that decides the verdict on `force_map`."""
         worst = find(force_map, [])
-        return self.force_history(profile, worst.worst_speed_kmh, worst.worst_position_m)
+        return self.force_history(
+            profile, worst.worst_speed_kmh, worst.worst_position_m, until_m=worst.worst_x_m + _AFTER_PEAK_M
+        )
+
+
+def _rounded(values: Real, decimals: int) -> list[float]:
+    rounded: list[float] = np.round(values, decimals).ravel().tolist()
+    return rounded
 
 
 def load_limits(path: Path | None = None) -> AssessmentSettings:
@@ -236,8 +255,8 @@ def load_limits(path: Path | None = None) -> AssessmentSettings:
     remedy = "write it after data/limits/default.yaml"
     file = path or resources.files("weld_force_ros.data") / "limits" / "default.yaml"
     try:
-        limits = msgspec.yaml.decode(file.read_bytes(), type=list[Limit])
-    except (OSError, msgspec.DecodeError) as error:
+        limits = tracks.decode_yaml(file.read_bytes(), list[Limit])
+    except (OSError, msgspec.DecodeError, ValueError) as error:
         raise InputError(f"limits {source}: {' '.join(str(error).split())}", remedy) from None
     for limit in limits:
         if limit.name not in MEASURES:

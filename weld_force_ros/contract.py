@@ -57,7 +57,7 @@ class Stamp(msgspec.Struct, kw_only=True, frozen=True):
 class Message(msgspec.Struct, kw_only=True):
     """What every message carries; `sequence` counts up by one per publisher and topic, so that a gap is a loss.
 
-    `publisher` is a node's full name and a token of its start: DDS does not tell a Python subscriber who sent a message.
+    `publisher` is a node's full name and a token of its start: DDS tells a Python subscriber not who sent a message.
     """
 
     schema_version: Annotated[str, Meta(pattern=r"^\d+\.\d+$")] = SCHEMA_VERSION
@@ -289,7 +289,10 @@ def encode(message: Message) -> bytes:
     Raises:
         MessageError: a value that the contract forbids (a NaN, unequal lengths, a bound exceeded).
     """
-    data = msgspec.json.encode(message)
+    try:
+        data = msgspec.json.encode(message)
+    except UnicodeError as error:
+        raise MessageError(f"{type(message).__name__}: {error}", "give text that UTF-8 can hold") from None
     decode(type(message), data)
     return data
 
@@ -300,8 +303,9 @@ def decode(kind: type[M], data: bytes | str) -> M:
     Raises:
         MessageError: not JSON, another major version, or against the contract.
     """
-    raw = data.encode() if isinstance(data, str) else data
     name = kind.__name__
+    # A lone surrogate is no text that JSON could hold: as bytes it is refused like any other damage.
+    raw = data.encode(errors="surrogatepass") if isinstance(data, str) else data
     if len(raw) > MAX_MESSAGE_BYTES:
         raise MessageError(f"{name}: {len(raw)} bytes", f"send at most {MAX_MESSAGE_BYTES}")
     try:

@@ -20,7 +20,7 @@ import math
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from importlib import resources
 from pathlib import Path
@@ -40,6 +40,7 @@ _TEXTS = ("weld_id", "rail", "instrument")
 _NUMBERS = ("chainage_m", "line_speed_kmh", "weld_position_m")
 _KEYS = (*_REQUIRED, *_TEXTS, *_NUMBERS, "detrend", "centre")
 
+_OWN_UNIT = re.compile(r"(?:^|[\r\n])[ \t]*#+[ \t]*x_unit[ \t]*:[ \t]*\S")
 _FARTHEST_M = 10**7  # no chainage is longer; a number beyond it has the wrong unit
 _RESOLUTION_M = Decimal("1e-12")
 _EXACT = decimal.Context(prec=200, Emax=decimal.MAX_EMAX, Emin=decimal.MIN_EMIN)
@@ -55,7 +56,7 @@ _REMEDIES = (  # by what `profile_problem` says
 
 @dataclass(frozen=True, kw_only=True)
 class PlainForm:
-    """What a plain file of numbers does not say about itself.
+    """What a plain file of numbers does not say about itself; what a file does say goes first.
 
     Attributes:
         x_unit: unit of the positions: m, cm, mm or um.
@@ -126,8 +127,8 @@ def parse_profile(data: str | bytes, source: str, form: PlainForm | None = None)
     Args:
         data: the text; `source_sha256` is taken of its bytes.
         source: where it comes from, for messages and the profile; its stem is the weld's default name.
-        form: what plain columns do not state themselves. Units and sign in the text must not contradict it; for
-            everything else the text goes first.
+        form: what the text may not state itself; where it does, the text goes first. `spacing` and `skip_rows`
+            are for text without an `x_unit` of its own.
 
     Returns:
         The conditioned profile: x in m about the weld's centre, z in m positive up.
@@ -144,9 +145,12 @@ def parse_profile(data: str | bytes, source: str, form: PlainForm | None = None)
 
 
 def _profile(raw: bytes, source: str, form: PlainForm) -> WeldProfile:
-    lines = lines_of(decoded(raw), form.skip_rows)
-    stated = _statements([line for line in lines if line.text.startswith("#")], form)
-    rows = [line for line in lines if not line.text.startswith("#")]
+    text = decoded(raw)
+    if _OWN_UNIT.search(text):
+        form = replace(form, spacing=None, skip_rows=0)  # its layout is the CSV form's
+    lines = lines_of(text, form.skip_rows)
+    stated = _statements([line for line in lines if line.is_comment], form)
+    rows = [line for line in lines if not line.is_comment]
     samples = _samples(rows, form.spacing, stated)
     x_m, z_m, conditioning = _condition(samples, stated)
     if form.skip_rows:
@@ -187,12 +191,6 @@ def _refuse_misspelling(line: int, key: str) -> None:
 
 def _with_form(stated: dict[str, _Statement], form: PlainForm) -> dict[str, _Statement]:
     by_form = {key: _plain_unit(key, str(value)) for key in _KEYS if (value := getattr(form, key)) is not None}
-    for key in _REQUIRED:
-        if key in stated and key in by_form and stated[key].text != by_form[key]:
-            raise ProfileError(
-                f"{stated[key].where}{key} is {quoted(stated[key].text)} but stated as {quoted(by_form[key])}",
-                "leave the statement out if the file is right, or correct the file",
-            )
     merged = {key: _Statement(text, "") for key, text in by_form.items()} | stated
     if missing := [key for key in _REQUIRED if key not in merged]:
         raise ProfileError(
@@ -341,10 +339,14 @@ def write_profile(profile: WeldProfile, path: Path) -> None:
 def _csv(profile: WeldProfile) -> str:
     present = {key: value for key in (*_TEXTS, *_NUMBERS) if (value := getattr(profile, key)) is not UNSET}
     stated = present | {"x_unit": "mm", "z_unit": "um", "z_positive": "up", "detrend": "none", "centre": "0"}
-    header = [f"# {key}: {' '.join(str(value).splitlines())}" for key, value in stated.items()]
-    history = [f"# {' '.join(step.splitlines()).replace(':', ' -')}" for step in profile.conditioning]
+    header = [f"# {key}: {_printable(str(value))}" for key, value in stated.items()]
+    history = [f"# {_printable(step).replace(':', ' -')}" for step in profile.conditioning]
     rows = [f"{_shifted(x, 3)},{_shifted(z, 6)}" for x, z in zip(profile.x_m, profile.z_m, strict=True)]
     return "\n".join([*header, *history, "x,z", *rows]) + "\n"
+
+
+def _printable(text: str) -> str:
+    return "".join(character if character.isprintable() else " " for character in text)
 
 
 def _shifted(metres: float, power: int) -> str:

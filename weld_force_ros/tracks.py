@@ -14,11 +14,12 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import msgspec
 import numpy as np
 import platformdirs
+import yaml
 from msgspec import Meta
 
 from weld_force_ros import __version__
@@ -32,6 +33,9 @@ FIT_VERSION = 1
 
 _DATA = resources.files("weld_force_ros.data")
 _LONGEST_FILE = 65_536
+_DEEPEST_YAML = 8
+
+T = TypeVar("T")
 
 
 class _Sourced(msgspec.Struct, forbid_unknown_fields=True):
@@ -106,7 +110,7 @@ def load(name_or_path: str) -> TrackDefinition:
     if name_or_path in shipped():
         return parse((_DATA / "tracks" / f"{name_or_path}.yaml").read_text(encoding="utf-8"), name_or_path)
     path = Path(name_or_path)
-    if path.suffix.lower() not in (".yaml", ".yml") or not path.is_file():
+    if path.suffix.lower() not in (".yaml", ".yml") or not os.path.isfile(path):  # Path.is_file raises on long names
         raise TrackError(
             f"track {name_or_path!r} is neither shipped nor a YAML file", f"use {', '.join(shipped())} or FILE.yaml"
         )
@@ -126,8 +130,8 @@ def parse(text: str, source: str) -> TrackDefinition:
     if len(text) > _LONGEST_FILE:
         raise TrackError(f"track file {source}: over {_LONGEST_FILE} characters", "a track file has some forty lines")
     try:
-        file = msgspec.yaml.decode(text.encode(), type=_TrackFile)
-    except (msgspec.DecodeError, RecursionError) as error:
+        file = decode_yaml(text.encode(), _TrackFile)
+    except (msgspec.DecodeError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise TrackError(f"track file {source}: {reason}", "write it after data/tracks/bilbao.yaml") from None
     reader = _Reader(source)
@@ -157,6 +161,28 @@ def parse(text: str, source: str) -> TrackDefinition:
         hertz_n_per_m15=positive("wheel.hertz_gn_per_m15", wheel.hertz_gn_per_m15) * 1e9,
     )
     return TrackDefinition(track, rolling, file.description, text)
+
+
+def decode_yaml(data: bytes, kind: type[T]) -> T:
+    """Read plain YAML as `kind`: no anchors, aliases or tags, and no deep nesting.
+
+    Those can make a small file grow without bound or overflow the C stack of the full parser, and none is needed here.
+
+    Raises:
+        ValueError, msgspec.DecodeError: not plain YAML, or not of that kind.
+    """
+    depth = 0
+    try:
+        for event in yaml.parse(data, Loader=yaml.SafeLoader):
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            line = event.start_mark.line + 1 if event.start_mark else 1
+            if isinstance(event, yaml.NodeEvent) and (event.anchor or getattr(event, "tag", None)):
+                raise ValueError(f"line {line}: anchors, aliases and tags are not read")
+            if depth > _DEEPEST_YAML:
+                raise ValueError(f"line {line}: nested deeper than {_DEEPEST_YAML} levels")
+    except yaml.YAMLError as error:
+        raise ValueError(str(error)) from None
+    return msgspec.yaml.decode(data, type=kind)
 
 
 @dataclass(frozen=True)
@@ -287,6 +313,7 @@ def _read(file: resources.abc.Traversable, key: str) -> FitFile | None:
     """A fit file of that key, or None: a damaged cache entry is as good as none."""
     try:
         fit = msgspec.json.decode(file.read_bytes(), type=FitFile)
-    except (OSError, msgspec.DecodeError):
+        fit.model()
+    except (OSError, msgspec.DecodeError, ValueError):  # ValueError: a name no file can have, residues out of shape
         return None
     return fit if fit.key == key else None

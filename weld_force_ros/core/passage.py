@@ -118,9 +118,7 @@ class Rig:
             InputError: a speed that is not positive, or anything that is not finite.
             NumericalError: the passage did not stay finite.
         """
-        speeds, positions = _axis("speed", speeds_kmh), _axis("position", positions_m)
-        if np.any(speeds <= 0):
-            raise InputError("a speed is not positive", "give speeds in km/h above 0")
+        speeds, positions = _speeds(speeds_kmh), _axis("position", positions_m)
         results = np.empty((len(speeds), len(positions), 4))
 
         def run(row: int) -> None:
@@ -136,13 +134,18 @@ class Rig:
             raise NumericalError("a passage did not stay finite; the fit of this track cannot be used at that speed")
         return Surface(*np.moveaxis(results, 2, 0))
 
-    def history(
-        self, trajectory: Trajectory, speed_kmh: float, position_m: float, *, lead_in_m: float | None = None
-    ) -> History:
-        """One passage in the space domain, from `lead_in_m` (default: one span) before the weld."""
-        rolling = self._rolling(float(_axis("speed", [speed_kmh])[0]))
-        lead = self.model.spacing_m if lead_in_m is None else lead_in_m
-        start, steps = self._window(rolling, trajectory, speed_kmh, position_m, lead)
+    def history(self, trajectory: Trajectory, speed_kmh: float, position_m: float, *, until_m: float = 0.0) -> History:
+        """One passage in the space domain, from a span before the weld to a span after it, or to `until_m` if later.
+
+        Raises:
+            InputError: a speed that is not positive, or anything that is not finite.
+            NumericalError: the passage did not stay finite.
+        """
+        speed_kmh, position_m = float(_speeds(speed_kmh)[0]), float(_axis("position", position_m)[0])
+        rolling = self._rolling(speed_kmh)
+        span = self.model.spacing_m
+        first_m = position_m + trajectory.start_m - span
+        start, steps = self._window(rolling, first_m, max(position_m + trajectory.end_m + span, until_m))
         x = (start + rolling.stride * np.arange(steps)) * self.grid_m
         irregularity = trajectory.at(x - position_m)
         rail, wheel = self._state(rolling, start)
@@ -156,7 +159,9 @@ class Rig:
         return History(x, result[:, 0], -result[:, 1], -result[:, 2], irregularity)
 
     def _peaks(self, rolling: _Rolling, trajectory: Trajectory, speed_kmh: float, positions: Real) -> Real:
-        windows = [self._window(rolling, trajectory, speed_kmh, p, 0.0) for p in positions]
+        # Until the weld's echo has passed, and at least a span, so that every window holds the smooth rail's own peak.
+        run_out_m = max(self.model.spacing_m, RUN_OUT_S * speed_kmh / 3.6)
+        windows = [self._window(rolling, p + trajectory.start_m, p + trajectory.end_m + run_out_m) for p in positions]
         starts = np.array([start for start, _ in windows])
         lengths = np.array([steps for _, steps in windows])
         index = starts[:, None] + rolling.stride * np.arange(lengths.max())[None, :]
@@ -170,17 +175,11 @@ class Rig:
         results[:, 1] = (starts + rolling.stride * results[:, 1]) * self.grid_m
         return results
 
-    def _window(
-        self, rolling: _Rolling, trajectory: Trajectory, speed_kmh: float, position_m: float, lead_in_m: float
-    ) -> tuple[int, int]:
-        """First grid point and number of steps: from before the weld until its echo has passed.
-
-        At least a span follows the weld, so that every window holds the smooth rail's own largest force.
-        """
+    def _window(self, rolling: _Rolling, first_m: float, last_m: float) -> tuple[int, int]:
+        """First grid point and number of points of a stretch of track, rounded outwards to whole steps."""
         step_m = rolling.stride * self.grid_m
-        start = int(np.floor((position_m + trajectory.start_m - lead_in_m) / step_m)) * rolling.stride
-        end_m = position_m + trajectory.end_m + max(self.model.spacing_m, RUN_OUT_S * speed_kmh / 3.6)
-        return start, int(np.ceil((end_m - start * self.grid_m) / step_m)) + 1
+        first = int(np.floor(first_m / step_m))
+        return first * rolling.stride, int(np.ceil(last_m / step_m)) - first + 1
 
     def _state(self, rolling: _Rolling, start: int) -> tuple[Real, Real]:
         state = rolling.states[(start // rolling.stride) % len(rolling.states)]
@@ -213,6 +212,13 @@ class Rig:
         rail[0::2], rail[1::2] = rest.real, rest.imag
         deflection = float(self.shapes[0] @ rail)
         return rail, np.array([deflection + self.wheel.static_indentation_m, 0.0, self.wheel.static_load_n])
+
+
+def _speeds(values: ArrayLike) -> Real:
+    speeds = _axis("speed", values)
+    if np.any(speeds <= 0):
+        raise InputError("a speed is not positive", "give speeds in km/h above 0")
+    return speeds
 
 
 def _axis(name: str, values: ArrayLike) -> Real:

@@ -82,4 +82,4 @@ REFERENCE_SHAPES: dict[str, Callable[[Array], Array]] = {
     "cosine-rise-48mm": lambda x_m: cosine_dip(x_m, 0.048, -40e-6),
     "wheel-flat-0.9mm": lambda x_m: cosine_dip(x_m, 0.100, 0.9e-3),
 }
-"""Formulas of the shipped profiles; x runs from the straightedge's start for the welds, from the centre for the rest."""
+"""Formulas of the shipped profiles; x is 0 at the straightedge's start for the welds, at the centre for the rest."""

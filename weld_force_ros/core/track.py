@@ -47,7 +47,8 @@ class Spring:
 
     def dynamic_stiffness(self, omega: Real) -> Complex:
         """Complex stiffness in N/m, shape of `omega` (rad/s)."""
-        return np.asarray(self.stiffness_n_per_m * (1 + 1j * self.loss_factor) + 1j * omega * self.damping_ns_per_m)
+        damping = self.stiffness_n_per_m * self.loss_factor + omega * self.damping_ns_per_m
+        return np.asarray(self.stiffness_n_per_m + 1j * damping)
 
     def undamped(self) -> "Spring":
         """The same stiffness without loss."""
@@ -81,7 +82,7 @@ class Track:
         """Dynamic stiffness of one support seen by the rail, N/m."""
         pad = self.pad.dynamic_stiffness(omega)
         below = self.ballast.dynamic_stiffness(omega) - self.sleeper_mass_kg * omega**2
-        return pad * below / (pad + below)
+        return np.asarray(pad * below / (pad + below))
 
 
 def receptance(track: Track, frequency_hz: ArrayLike, at_m: ArrayLike) -> Complex:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from msgspec import UnsetType
 
 from weld_force_ros.contract import Criterion, ForceMap, Limit
 from weld_force_ros.core.track import Real
@@ -89,11 +90,11 @@ def find(force_map: ForceMap, limits: list[Limit]) -> Finding:
 def _judged(force_map: ForceMap) -> _Judged:
     speeds, positions = np.array(force_map.speeds_kmh), np.array(force_map.positions_m)
     rows = np.arange(len(speeds))
-    if isinstance(force_map.line_speed_kmh, float):
+    if not isinstance(force_map.line_speed_kmh, UnsetType):
         # A grid that starts above the line's speed is judged at its lowest.
         rows = rows[: max(1, int(np.sum(speeds <= force_map.line_speed_kmh * (1 + 1e-9))))]
     columns = np.arange(len(positions))
-    if isinstance(force_map.weld_position_m, float):
+    if not isinstance(force_map.weld_position_m, UnsetType):
         columns = _neighbours(positions, force_map.weld_position_m, force_map.span_m)
 
     def part(values: list[float]) -> Real:

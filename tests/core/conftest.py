@@ -1,0 +1,43 @@
+"""Tracks, wheels and shapes that the core's tests share."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import settings
+
+from weld_force_ros import tracks
+from weld_force_ros.core.passage import Rig
+from weld_force_ros.core.shapes import cosine_dip
+from weld_force_ros.core.weld import Trajectory, wheel_trajectory
+from weld_force_ros.tracks import TrackDefinition
+
+# A shared machine's pauses are no property of the code.
+settings.register_profile("core", deadline=None, max_examples=40)
+settings.load_profile("core")
+
+
+@pytest.fixture(scope="session")
+def definitions() -> dict[str, TrackDefinition]:
+    return {name: tracks.load(name) for name in tracks.shipped()}
+
+
+@pytest.fixture(scope="session")
+def rigs(definitions: dict[str, TrackDefinition]) -> dict[str, Rig]:
+    return {name: Rig(tracks.fitted(d).model(), d.wheel) for name, d in definitions.items()}
+
+
+@pytest.fixture(scope="session")
+def smooth_rail() -> Trajectory:
+    return Trajectory(0.0, np.zeros(9))
+
+
+@pytest.fixture(scope="session")
+def dip() -> Callable[..., Trajectory]:
+    """Trajectory of a wheel of 0.45 m radius over a cosine dip; a negative depth makes it a rise."""
+
+    def over(length_m: float, depth_m: float) -> Trajectory:
+        x = np.linspace(-length_m / 2, length_m / 2, round(length_m / 0.5e-3) + 1)
+        return wheel_trajectory(x, cosine_dip(x, length_m, depth_m), 0.45)
+
+    return over

@@ -1,0 +1,97 @@
+"""Replay says what differs, and what is missing."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from weld_force_ros import replay
+from weld_force_ros.assess import Simulator, assess, load_limits, simulation_settings
+from weld_force_ros.bag import STRING, Recorder, string_cdr
+from weld_force_ros.contract import TOPICS, Message, encode
+from weld_force_ros.errors import BagError
+from weld_force_ros.profiles import find, read_profile
+
+
+@pytest.fixture(scope="module")
+def messages() -> list[Message]:
+    settings = simulation_settings(speeds_kmh=[60, 120], positions=[0.1, 0.4])
+    limits = load_limits()
+    profile = read_profile(find("weld-4-steep-ramp"))
+    done = assess(profile, Simulator(settings), limits)
+    return [settings, limits, profile, done.force_map, done.history, done.verdict]
+
+
+def recorded(folder: Path, messages: list[Message], *, damaged: bool = False) -> replay.Recording:
+    with Recorder(folder / "bag") as recorder:
+        for n, message in enumerate(messages):
+            text = msgspec.json.encode(message).decode() if damaged else encode(message).decode()
+            topic = "/left" + "/" + TOPICS[type(message)].name
+            recorder.write(topic, STRING, string_cdr(text), log_time_ns=n, publish_time_ns=n)
+    return replay.read(folder / "bag")
+
+
+def changed(messages: list[Message], kind: str, **fields: object) -> list[Message]:
+    return [
+        msgspec.structs.replace(m, **fields) if type(m).__name__ == kind else m  # type: ignore[misc]
+        for m in messages
+    ]
+
+
+def differences(recording: replay.Recording) -> list[str]:
+    return [f"{r.kind}: {d}" for r in replay.replay(recording) for d in r.differences]
+
+
+def test_an_untouched_recording_agrees_in_any_namespace(tmp_path, messages):
+    results = list(replay.replay(recorded(tmp_path, messages)))
+    assert [(r.kind, r.differences) for r in results] == [("force_map", ()), ("verdict", ())]
+
+
+def test_one_force_changed_by_a_newton_is_found_and_placed(tmp_path, messages):
+    peaks = list(messages[3].peak_force_n)
+    peaks[2] += 1.0
+    (found,) = differences(recorded(tmp_path, changed(messages, "ForceMap", peak_force_n=peaks)))
+    assert found.startswith("force_map: peak_force_n differs by 1 at 120 km/h, 0.1 m (1 of 4 passages)")
+
+
+def test_a_changed_decision_is_found(tmp_path, messages):
+    other = "accept" if messages[5].decision != "accept" else "reject"
+    (found,) = differences(recorded(tmp_path, changed(messages, "Verdict", decision=other)))
+    assert found == f"verdict: decision was {other}, is {messages[5].decision}"
+
+
+def test_a_weld_without_a_verdict_is_reported(tmp_path, messages):
+    assert differences(recorded(tmp_path, messages[:3])) == ["verdict: no verdict was recorded for this profile"]
+
+
+def test_a_verdict_without_a_map_is_reported(tmp_path, messages):
+    without_map = [m for m in messages if type(m).__name__ != "ForceMap"]
+    assert differences(recorded(tmp_path, without_map)) == ["verdict: no force map was recorded for this verdict"]
+
+
+def test_settings_missing_from_the_bag_are_named(tmp_path, messages):
+    assert "simulation settings" in differences(recorded(tmp_path, messages[1:]))[0]
+
+
+def test_a_message_that_breaks_the_contract_is_reported_and_the_rest_replayed(tmp_path, messages):
+    broken = changed(messages, "ForceHistory", speed_kmh=float("nan"))
+    found = differences(recorded(tmp_path, broken, damaged=True))
+    assert len(found) == 1
+    assert found[0].startswith("message: ")
+
+
+def test_a_bag_of_somebody_else_is_refused(tmp_path):
+    with Recorder(tmp_path / "bag") as recorder:
+        recorder.write("/chatter", STRING, string_cdr("hello"), log_time_ns=1, publish_time_ns=1)
+    with pytest.raises(BagError, match="no message of this suite"):
+        replay.read(tmp_path / "bag")
+
+
+def test_a_cut_bag_is_replayed_up_to_the_cut(tmp_path, messages):
+    recorded(tmp_path, messages)
+    whole = (tmp_path / "bag" / "bag_0.mcap").read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[: int(len(whole) * 0.97)])
+    recording = replay.read(cut)
+    assert recording.damage
+    assert differences(recording) == []

@@ -1,0 +1,146 @@
+"""The form of a recording: what rosbag2 says of channels, and what it keeps in `metadata.yaml`."""
+
+import struct
+from typing import Any, NamedTuple
+
+import yaml
+
+MAX_RECORD_BYTES = 64 * 2**20
+"""The largest record, and the largest chunk once decompressed, that is read; messages up to half of it are written."""
+
+
+class MessageDefinition(NamedTuple):
+    """What a channel says of its messages.
+
+    Attributes:
+        name: the type, `std_msgs/msg/String`.
+        text: the `.msg` text, then for each dependency a line of 80 `=`, `MSG: pkg/Type` and its text.
+        type_hash: `RIHS01_...`.
+        offered_qos_profiles: YAML, a list; see `offered_qos`.
+        schema_encoding: how `text` is written.
+        message_encoding: how messages are written; a bag has one encoding.
+    """
+
+    name: str
+    text: str
+    type_hash: str = ""
+    offered_qos_profiles: str = ""
+    schema_encoding: str = "ros2msg"
+    message_encoding: str = "cdr"
+
+
+def to_yaml(content: object) -> str:
+    """Block-style YAML in the order given."""
+    text: str = yaml.safe_dump(content, sort_keys=False)
+    return text
+
+
+def offered_qos(*, depth: int | None = None, latched: bool = False) -> str:
+    """QoS of a reliable publisher as recordings keep it; without a depth it keeps all."""
+    unlimited = ("deadline", "lifespan", "liveliness_lease_duration")
+    profile = {
+        "history": "keep_all" if depth is None else "keep_last",
+        "depth": depth or 0,
+        "reliability": "reliable",
+        "durability": "transient_local" if latched else "volatile",
+        "liveliness": "automatic",
+        **{name: {"sec": 9_223_372_036, "nsec": 854_775_807} for name in unlimited},  # infinite, as rmw has it
+        "avoid_ros_namespace_conventions": False,
+    }
+    return to_yaml([profile])
+
+
+STRING = MessageDefinition(
+    name="std_msgs/msg/String",
+    text="string data\n",
+    type_hash="RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
+    offered_qos_profiles=offered_qos(latched=True),
+)
+"""What the suite's messages travel in, for tools that record without ROS."""
+
+
+def string_cdr(text: str) -> bytes:
+    """A std_msgs/String as little-endian CDR."""
+    data = text.encode()
+    return struct.pack("<4sI", b"\x00\x01\x00\x00", len(data) + 1) + data + b"\x00"
+
+
+class Tally:
+    """What a recording holds, by channel, and in what order of time.
+
+    Attributes:
+        counts: messages by (topic, definition).
+        last_ns: the latest log time.
+        lateness_ns: how far back in time a message lies, at most, behind one stored before it.
+    """
+
+    def __init__(self) -> None:
+        self.counts: dict[tuple[str, MessageDefinition], int] = {}
+        self.last_ns = 0
+        self.lateness_ns = 0
+        self._first_ns: int | None = None
+
+    def add(self, topic: str, definition: MessageDefinition, log_time_ns: int) -> None:
+        """Count one message."""
+        self.counts[topic, definition] = self.counts.get((topic, definition), 0) + 1
+        self._first_ns = log_time_ns if self._first_ns is None else min(self._first_ns, log_time_ns)
+        self.last_ns = max(self.last_ns, log_time_ns)
+        self.lateness_ns = max(self.lateness_ns, self.last_ns - log_time_ns)
+
+    @property
+    def message_count(self) -> int:
+        """Messages on all channels."""
+        return sum(self.counts.values())
+
+    @property
+    def start_ns(self) -> int:
+        """The earliest log time; 0 without messages."""
+        return self._first_ns or 0
+
+    @property
+    def duration_ns(self) -> int:
+        """From the earliest to the latest log time."""
+        return self.last_ns - self.start_ns
+
+
+def information(file_name: str, tally: Tally) -> dict[str, Any]:
+    """What rosbag2's metadata, version 9, says of a bag of one file."""
+
+    def extent() -> dict[str, Any]:
+        return {
+            "duration": {"nanoseconds": tally.duration_ns},
+            "starting_time": {"nanoseconds_since_epoch": tally.start_ns},
+            "message_count": tally.message_count,
+        }
+
+    return {
+        "version": 9,
+        "storage_identifier": "mcap",
+        **extent(),
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic,
+                    "type": definition.name,
+                    "serialization_format": definition.message_encoding,
+                    "offered_qos_profiles": _profiles(definition.offered_qos_profiles),
+                    "type_description_hash": definition.type_hash,
+                },
+                "message_count": count,
+            }
+            for (topic, definition), count in tally.counts.items()
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file_name],
+        "files": [{"path": file_name, **extent()}],
+        "custom_data": None,
+        "ros_distro": "jazzy",
+    }
+
+
+def _profiles(text: str) -> Any:
+    try:
+        return yaml.safe_load(text) or []
+    except yaml.YAMLError:  # of another recorder; the channel keeps it as it is
+        return []

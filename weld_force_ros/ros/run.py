@@ -1,0 +1,312 @@
+"""Nodes as a running program: one or all in a process, stopped without losing what was taken.
+
+with Suite(parameters={"profile": {"folder": "measurements"}}, on_verdict=print) as suite:
+    ...
+    suite.drain(timeout_s=30.0)
+"""
+
+import argparse
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from types import FrameType, TracebackType
+from typing import Any, Literal, Self
+
+import rclpy
+from rclpy.exceptions import ParameterException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+from weld_force_ros import assess
+from weld_force_ros.contract import ForceHistory, ForceMap, Message, Rejection, SimulationSettings, Verdict, WeldProfile
+from weld_force_ros.errors import InputError, WeldForceError
+from weld_force_ros.ros import environment
+from weld_force_ros.ros.assessment_node import AssessmentNode
+from weld_force_ros.ros.profile_node import ProfileNode
+from weld_force_ros.ros.simulator_node import Simulates, SimulatorNode
+
+Kind = Literal["profile", "simulator", "assessment"]
+SuiteNode = ProfileNode | SimulatorNode | AssessmentNode
+
+KINDS: tuple[Kind, ...] = ("profile", "simulator", "assessment")
+DRAIN_S = 30.0
+_CLOSE_S = 5.0
+_LOOK_S = 0.02
+"""How often a condition that has no event of its own is looked at."""
+
+# Who waits for whom when draining: what the first publishes of a kind, the second has to have taken.
+_FLOWS: tuple[tuple[Kind, Kind, tuple[type[Message], ...]], ...] = (
+    ("profile", "simulator", (WeldProfile,)),
+    ("profile", "assessment", (WeldProfile, Rejection)),
+    ("simulator", "assessment", (SimulationSettings, ForceMap, ForceHistory, Rejection)),
+)
+
+
+class Suite:
+    """Nodes of the suite in one process, on one executor's thread; a context manager.
+
+    Args:
+        kinds: which nodes.
+        parameters: by kind, then by name; they go before those of `ros_args`.
+        ros_args: as on a ROS command line, from `--ros-args` on.
+        domain_id: ROS domain; `ROS_DOMAIN_ID` if absent.
+        load_simulator: makes the simulator from its settings.
+        on_force_map: told of each valid force map (needs the assessment node, as the next two).
+        on_verdict: told of each verdict, on the assessment node's worker thread, after it is recorded and published.
+        on_rejection: told of each rejection of any node, likewise.
+
+    Raises:
+        InputError: (on entering) ROS arguments or parameters that cannot be used.
+    """
+
+    def __init__(
+        self,
+        kinds: Sequence[Kind] = KINDS,
+        *,
+        parameters: Mapping[Kind, Mapping[str, Any]] | None = None,
+        ros_args: Sequence[str] = (),
+        domain_id: int | None = None,
+        load_simulator: Callable[[SimulationSettings], Simulates] = assess.Simulator,
+        on_force_map: Callable[[ForceMap], None] | None = None,
+        on_verdict: Callable[[Verdict], None] | None = None,
+        on_rejection: Callable[[Rejection], None] | None = None,
+    ) -> None:
+        self._kinds = kinds
+        self._parameters = parameters or {}
+        self._ros_args = list(ros_args)
+        self._domain_id = domain_id
+        self._load_simulator = load_simulator
+        self._follow: dict[str, Any] = {
+            "on_force_map": on_force_map,
+            "on_verdict": on_verdict,
+            "on_rejection": on_rejection,
+        }
+        self._context = rclpy.Context()
+        self.closing = False
+        self._crash: Exception | None = None
+        self.nodes: dict[Kind, SuiteNode] = {}
+
+    def __enter__(self) -> Self:
+        environment.prepare()
+        if set(self._kinds) == set(KINDS):
+            environment.stay_on_this_machine()
+        try:
+            rclpy.init(
+                args=self._ros_args,
+                context=self._context,
+                domain_id=self._domain_id,
+                signal_handler_options=SignalHandlerOptions.NO,
+            )
+        except Exception as error:  # rclpy has no common class for the errors of its arguments
+            raise InputError(
+                f"ROS does not start: {_one_line(error)}", "check the arguments after --ros-args"
+            ) from None
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._thread = threading.Thread(target=self._spin, name="executor", daemon=True)
+        try:
+            for kind in reversed(KINDS):  # those that listen first
+                if kind in self._kinds:
+                    self.nodes[kind] = self._make(kind)
+                    self._executor.add_node(self.nodes[kind])
+        except BaseException:
+            self.close()
+            raise
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def failure(self) -> Exception | None:
+        """What keeps a node from working at all, if anything does."""
+        failures = (node.messenger.health.failure for node in self.nodes.values())
+        return self._crash or next(filter(None, failures), None)
+
+    @property
+    def left(self) -> int:
+        """How many messages between and in the nodes still wait; 0 when all that was taken has its outcome."""
+        # In the order of the flow: what a node has handed on is counted before the next is asked.
+        waiting = 0
+        for kind in KINDS:
+            if kind in self.nodes:
+                waiting += self._under_way_to(kind) + self.nodes[kind].pending
+        return waiting
+
+    def drain(self, timeout_s: float = DRAIN_S, abandon: threading.Event | None = None) -> int:
+        """Take nothing new and finish what was taken.
+
+        Args:
+            timeout_s: how long at most.
+            abandon: set by another thread to stop at once.
+
+        Returns:
+            How many messages were left.
+        """
+        abandon = abandon or threading.Event()
+        deadline = time.monotonic() + timeout_s
+        self._stop_intake()
+        while self.left and not self.failure and time.monotonic() < deadline and not abandon.wait(_LOOK_S):
+            pass
+        return self.left
+
+    def close(self) -> None:
+        """Stop at once, but close and index the bag; after `drain` nothing is lost by it.
+
+        Raises:
+            BagError: the bag could not be completed; its messages are kept.
+        """
+        if self.closing:
+            return
+        self.closing = True
+        self._stop_intake()
+        self._executor.shutdown(timeout_sec=_CLOSE_S)
+        if self._thread.is_alive():
+            self._thread.join(_CLOSE_S)
+        try:
+            for kind in KINDS:
+                if kind in self.nodes:
+                    self.nodes[kind].close(_CLOSE_S)
+        finally:
+            for node in self.nodes.values():
+                node.destroy_node()
+            self._context.try_shutdown()
+
+    def _make(self, kind: Kind) -> SuiteNode:
+        overrides = [Parameter(name, value=value) for name, value in self._parameters.get(kind, {}).items()]
+        options: dict[str, Any] = {"context": self._context, "parameter_overrides": overrides}
+        try:
+            if kind == "profile":
+                return ProfileNode(**options)
+            if kind == "simulator":
+                return SimulatorNode(load=self._load_simulator, **options)
+            return AssessmentNode(**self._follow, **options)
+        except ParameterException as error:
+            raise InputError(
+                _one_line(error), "give a value of that type and range; 600 is no double, 600.0 is"
+            ) from None
+
+    def _spin(self) -> None:
+        try:
+            with suppress(ExternalShutdownException):
+                self._executor.spin()
+        except Exception as error:  # a fault of a callback would otherwise end the thread unnoticed
+            self._crash = error
+
+    def _stop_intake(self) -> None:
+        """Only the first node of the chain takes from outside; the others get what it still hands on."""
+        first = next((kind for kind in KINDS if kind in self.nodes), None)
+        if first is not None:
+            self.nodes[first].stop_intake()
+
+    def _under_way_to(self, taker: Kind) -> int:
+        return sum(
+            self.nodes[sender].messenger.sent(message)
+            - self.nodes[taker].messenger.taken_from(self.nodes[sender].messenger.instance, message)
+            for sender, receiver, messages in _FLOWS
+            if receiver == taker and sender in self.nodes
+            for message in messages
+        )
+
+
+def run_node(kind: Kind, ros_args: Sequence[str] = (), *, drain_s: float = DRAIN_S) -> int:
+    """Run one node until SIGINT or SIGTERM: `weld-force node KIND [-- --ros-args ...]`.
+
+    Returns:
+        The exit code: 0 if all that was taken was finished, 1 if something was left.
+
+    Raises:
+        InputError: arguments or parameters that cannot be used.
+        WeldForceError: the node cannot work.
+    """
+    return run_until_signal(Suite((kind,), ros_args=ros_args), drain_s)
+
+
+def run_suite(
+    parameters: Mapping[Kind, Mapping[str, Any]],
+    ros_args: Sequence[str] = (),
+    *,
+    drain_s: float = DRAIN_S,
+    **follow: Any,
+) -> int:
+    """Run the three nodes until SIGINT or SIGTERM: `weld-force up`. See `run_node` and `Suite`."""
+    return run_until_signal(Suite(parameters=parameters, ros_args=ros_args, **follow), drain_s)
+
+
+def run_until_signal(suite: Suite, drain_s: float = DRAIN_S) -> int:
+    """Run a suite until SIGINT or SIGTERM, then drain and close it; a second signal stops at once.
+
+    Returns:
+        The exit code: 0 if all that was taken was finished, 1 if something was left.
+
+    Raises:
+        WeldForceError: what kept a node from working.
+    """
+    with stop_signals() as (stop, abandon), suite:
+        while not stop.wait(0.1) and suite.failure is None:
+            pass
+        if stop.is_set():
+            _say("stopping: finishing what was taken; a second signal stops at once")
+        left = suite.drain(drain_s, abandon)
+        failure = suite.failure
+    if failure is not None:
+        raise failure if isinstance(failure, WeldForceError) else WeldForceError(f"{type(failure).__name__}: {failure}")
+    _say(f"stopped with {left} messages left unfinished" if left else "stopped, nothing left unfinished")
+    return 1 if left else 0
+
+
+@contextmanager
+def stop_signals() -> Iterator[tuple[threading.Event, threading.Event]]:
+    """Turn a first SIGINT or SIGTERM into one event and a second into another; a third has its usual effect."""
+    first, second = threading.Event(), threading.Event()
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def restore() -> None:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+    def note(number: int, frame: FrameType | None) -> None:
+        if first.is_set():
+            second.set()
+            restore()
+        first.set()
+
+    for number in before:
+        signal.signal(number, note)
+    try:
+        yield first, second
+    finally:
+        restore()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """`python -m weld_force_ros.ros.run KIND [--ros-args ...]`, for launch files; `weld-force node` does the same."""
+    parser = argparse.ArgumentParser(prog="weld_force_ros.ros.run")
+    parser.add_argument("kind", choices=KINDS)
+    known, ros_args = parser.parse_known_args(arguments)
+    try:
+        return run_node(known.kind, [argument for argument in ros_args if argument != "--"])
+    except InputError as error:
+        _say(f"error: {error}")
+        return 2
+    except WeldForceError as error:
+        _say(f"error: {error}")
+        return 1
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,116 @@
+"""Tables and progress for people, always on standard error: standard output is for machines."""
+
+import sys
+from collections.abc import Iterable
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
+
+from weld_force_ros.contract import ForceMap, Limit, Rejection, Verdict
+
+# Piped into a file, tables keep a width that people can read.
+console = Console(stderr=True, highlight=False, width=None if sys.stderr.isatty() else 120)
+
+_COLOURS = {"accept": "green", "grind": "yellow", "reject": "red"}
+
+
+def say(text: str) -> None:
+    """One plain line; nothing in it is taken for markup."""
+    console.print(Text(text), soft_wrap=True)
+
+
+def progress() -> Progress:
+    """A progress bar that leaves nothing behind, and shows nothing where nobody looks."""
+    return Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+
+
+def table(title: str, columns: Iterable[tuple[str, str]], rows: Iterable[Iterable[str | Text]]) -> None:
+    """Print a table; each column is its heading and its alignment."""
+    console.print(Text(title, style="bold"))
+    grid = Table()
+    for heading, alignment in columns:
+        grid.add_column(heading, justify="right" if alignment == "right" else "left")
+    for row in rows:
+        grid.add_row(*(cell if isinstance(cell, Text) else Text(cell) for cell in row))
+    console.print(grid)
+
+
+def show_maps(maps: Iterable[ForceMap]) -> None:
+    """One line a force map: its worst passage."""
+    rows = []
+    for force_map in maps:
+        worst = max(range(len(force_map.peak_force_n)), key=force_map.peak_force_n.__getitem__)
+        speed, position = divmod(worst, len(force_map.positions_m))
+        rows.append(
+            (
+                force_map.weld_id,
+                f"{force_map.peak_force_n[worst] / 1e3:.1f}",
+                f"{force_map.peak_force_n[worst] / force_map.static_load_n:.2f}",
+                f"{force_map.speeds_kmh[speed]:g}",
+                f"{force_map.positions_m[position] * 100:.0f}",
+                f"{max(force_map.contact_loss_s) * 1e3:.2f}",
+                f"{len(force_map.peak_force_n)}",
+                f"{force_map.elapsed_s:.2f}",
+            )
+        )
+    table(
+        "Force maps: the worst passage of each",
+        [
+            ("weld", ""), ("peak kN", "right"), ("dyn. factor", "right"), ("at km/h", "right"),
+            ("cm after sleeper", "right"), ("contact loss ms", "right"), ("passages", "right"), ("s", "right"),
+        ],
+        rows,
+    )  # fmt: skip
+
+
+def show_verdicts(verdicts: Iterable[Verdict], rejections: Iterable[Rejection] = ()) -> None:
+    """One line a weld: the decision first, then why."""
+    rows: list[tuple[str | Text, ...]] = []
+    for verdict in verdicts:
+        failed = ", ".join(c.name for c in verdict.criteria if not c.passed)
+        rows.append(
+            (
+                Text(verdict.decision.upper(), style=f"bold {_COLOURS[verdict.decision]}"),
+                verdict.weld_id,
+                f"{verdict.peak_force_n / 1e3:.0f}",
+                f"{verdict.peak_force_n / verdict.static_load_n:.2f}",
+                f"{verdict.worst_speed_kmh:g}",
+                f"{verdict.worst_position_m * 100:.0f}",
+                failed or "-",
+            )
+        )
+    for rejection in rejections:
+        cells = (Text("UNUSABLE", style="bold magenta"), rejection.source, "", "", "", "")
+        rows.append((*cells, f"{rejection.reason}: {rejection.remedy}"))
+    table(
+        "Verdicts",
+        [
+            ("decision", ""), ("weld", ""), ("peak kN", "right"), ("dyn. factor", "right"), ("at km/h", "right"),
+            ("cm after sleeper", "right"), ("over the limit", ""),
+        ],
+        rows,
+    )  # fmt: skip
+
+
+def show_limits(limits: Iterable[Limit]) -> None:
+    """The limits in force, and which of them nobody has verified."""
+    table(
+        "Limits in force",
+        [("criterion", ""), ("grind above", "right"), ("reject above", "right"), ("unit", ""), ("source", "")],
+        [
+            (limit.name, f"{limit.limit:g}", f"{limit.reject_limit:g}", limit.unit,
+             limit.source if limit.verified else Text(f"UNVERIFIED: {limit.source}", style="yellow"))
+            for limit in limits
+        ],
+    )  # fmt: skip
