@@ -28,7 +28,7 @@ from weld_force_ros.core.passage import Rig, Wheel
 from weld_force_ros.core.track import Real
 from weld_force_ros.core.verdict import MEASURES, find
 from weld_force_ros.core.weld import Trajectory, wheel_trajectory
-from weld_force_ros.errors import InputError
+from weld_force_ros.errors import InputError, MessageError
 
 SOFTWARE = f"weld_force_ros {__version__}"
 DEFAULT_SPEEDS = "20:300:5"
@@ -152,7 +152,10 @@ def simulation_settings(
         hertz_n_per_m15=wheel.hertz_n_per_m15,
     )
     settings.config_sha256 = config_sha256(settings)
-    encode(settings)
+    try:
+        encode(settings)
+    except MessageError as error:
+        raise InputError(error.reason, "check track, grid and wheel") from None
     return settings
 
 
@@ -175,11 +178,11 @@ class Simulator:
         definition = tracks.parse(settings.track_definition, settings.track)
         wheel = Wheel(settings.wheel_mass_kg, settings.static_load_n, settings.wheel_radius_m, settings.hertz_n_per_m15)
         self._span_m = definition.track.spacing_m
-        self._rig = Rig(tracks.fitted(definition, on_fit=on_fit).model(), wheel)
+        self.rig = Rig(tracks.fitted(definition, on_fit=on_fit).model(), wheel)
 
     def trajectory(self, profile: WeldProfile) -> Trajectory:
         """The wheel centre's trajectory over a profile."""
-        return wheel_trajectory(np.array(profile.x_m), np.array(profile.z_m), self._rig.wheel.radius_m)
+        return wheel_trajectory(np.array(profile.x_m), np.array(profile.z_m), self.rig.wheel.radius_m)
 
     def force_map(self, profile: WeldProfile, *, on_speed: Callable[[], None] | None = None) -> ForceMap:
         """Peak force at every speed and position of the settings; `on_speed` is called after each speed.
@@ -189,7 +192,7 @@ class Simulator:
         """
         began = time.perf_counter()
         settings = self.settings
-        surface = self._rig.surface(
+        surface = self.rig.surface(
             self.trajectory(profile), settings.speeds_kmh, settings.positions_m, on_speed=on_speed
         )
         return ForceMap(
@@ -217,7 +220,7 @@ class Simulator:
         self, profile: WeldProfile, speed_kmh: float, position_m: float, *, until_m: float = 0.0
     ) -> ForceHistory:
         """One passage in the space domain, a span before and after the weld, or to `until_m` if that is later."""
-        history = self._rig.history(self.trajectory(profile), speed_kmh, position_m, until_m=until_m)
+        history = self.rig.history(self.trajectory(profile), speed_kmh, position_m, until_m=until_m)
         every = slice(None, None, max(1, round(_HISTORY_STEP_M / (history.x_m[1] - history.x_m[0]))))
         return ForceHistory(
             weld_id=profile.weld_id,

@@ -363,6 +363,30 @@ def schema(
                 file.write(text.decode())
 
 
+@app.command()
+def bench(
+    repetitions: Annotated[int, typer.Option(min=1, max=50, help="Interleaved repetitions of each timing.")] = 3,
+    json: Json = None,
+) -> None:
+    """How fast and how exact on this machine, against a general solver in the same run."""
+    from weld_force_ros import bench as benchmark
+    from weld_force_ros import terminal
+
+    with terminal.console.status("measuring") as status:
+        found = benchmark.run(repetitions=repetitions, on_step=status.update)
+    with _lines(json) as out:
+        _write(out, found)
+    terminal.table(
+        "Benchmark (medians)",
+        [("what", ""), ("measured", "right")],
+        [(name, _figures(value)) for name, value in found.items()],
+    )
+
+
+def _figures(value: Any) -> str:
+    return ", ".join(_figures(v) for v in value) if isinstance(value, list) else f"{value:.4g}"
+
+
 @bag_app.command("info")
 def bag_info(bag: BagPath, json: Json = None) -> None:
     """What a recording holds and what state it is in."""

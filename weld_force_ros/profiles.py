@@ -118,7 +118,8 @@ def read_profile(path: Path, form: PlainForm | None = None) -> WeldProfile:
             raw = file.read(MAX_FILE_BYTES + 1)
     except OSError as error:
         raise ProfileError(f"{path}: {error.strerror or error}", "give the path of a readable profile file") from None
-    return msgspec.structs.replace(parse_profile(raw, str(path), form), source=path.name[-200:])
+    name = path.name.encode("utf-8", "replace").decode()  # a name may hold bytes that no message can
+    return msgspec.structs.replace(parse_profile(raw, str(path), form), source=name[-200:])
 
 
 def parse_profile(data: str | bytes, source: str, form: PlainForm | None = None) -> WeldProfile:

@@ -21,6 +21,7 @@ import numpy as np
 import platformdirs
 import yaml
 from msgspec import Meta
+from threadpoolctl import threadpool_limits
 
 from weld_force_ros import __version__
 from weld_force_ros.core.passage import Wheel
@@ -276,7 +277,9 @@ def fitted(definition: TrackDefinition, *, on_fit: Callable[[str], None] | None 
 def make_fit(definition: TrackDefinition) -> FitFile:
     """Fit a track now."""
     track, wheel = definition.track, definition.wheel
-    model = default_fit(track, wheel.compliance)
+    # Many small factorisations: a second BLAS thread makes them many times slower where another program computes.
+    with threadpool_limits(limits=1, user_api="blas"):
+        model = default_fit(track, wheel.compliance)
     return FitFile(
         key=fit_key(definition),
         track=track.name,

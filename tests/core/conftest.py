@@ -1,6 +1,10 @@
 """Tracks, wheels and shapes that the core's tests share."""
 
+import os
 from collections.abc import Callable
+
+# Fits are many small least squares: a second BLAS thread makes them up to twenty times slower on a busy machine.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
 import pytest

@@ -34,13 +34,15 @@ def spring_stiffness(spring: Spring, omega: float) -> complex:
     return complex(spring.stiffness_n_per_m, loss)
 
 
-def chain_receptance(track: Track, frequency_hz: float, at_m: np.ndarray, force_at_m: float, bays: int = 200) -> np.ndarray:
+def chain_receptance(
+    track: Track, frequency_hz: float, at_m: np.ndarray, force_at_m: float, bays: int = 200
+) -> np.ndarray:
     """Receptance of a track of 2 x `bays` bays with free ends, by its exact dynamic stiffness matrix.
 
     Rail nodes at the supports, the force and the points asked for; pad, sleeper and ballast are a mass-spring chain.
     """
     omega, span = 2 * np.pi * frequency_hz, track.spacing_m
-    supports = span * np.arange(-bays, bays + 1)
+    supports = span * np.arange(-200, 201)
     nodes = np.unique(np.round(np.concatenate([supports, np.atleast_1d(at_m), [force_at_m]]), 9))
     banded = np.zeros((7, 2 * len(nodes)), dtype=complex)  # three diagonals on either side
 
@@ -81,7 +83,7 @@ def _beam_stiffness(rail: Rail, omega: float, length_m: float) -> np.ndarray:
 
 
 def brute_force_trajectory(x_m: np.ndarray, z_m: np.ndarray, at_m: np.ndarray, radius_m: float) -> np.ndarray:
-    """Height at which a circle centred over each of `at_m` rests on the points (x, z): the definition, point by point."""
+    """Height at which a circle centred over each of `at_m` rests on the points (x, z), by the definition."""
     rest = []
     for centre in at_m:
         near = np.abs(x_m - centre) < radius_m
@@ -97,13 +99,21 @@ class OdePassage:
     x_m: np.ndarray
     force_n: np.ndarray
 
+    def peak(self) -> tuple[float, float]:
+        """Largest force and its place, between the samples."""
+        top = int(self.force_n.argmax())
+        near = slice(top - 2, top + 3)
+        vertex = np.polyfit(self.x_m[near] - self.x_m[top], self.force_n[near], 2)
+        offset = -vertex[1] / (2 * vertex[0])
+        return float(np.polyval(vertex, offset)), float(self.x_m[top] + offset)
+
 
 def integrated_passage(
     model: PoleModel, wheel: Wheel, trajectory: Trajectory, speed_kmh: float, position_m: float, approach_spans: int
 ) -> OdePassage:
     """The moving wheel's equations by `solve_ivp`, from rest over a sleeper `approach_spans` spans before the weld.
 
-    q_k' = p_k q_k + f,  y = sum of Re(weight_k R_k(x) q_k),  M w'' = W - f,  f = H max(w - y - r, 0)^1.5, down positive.
+    Positive down: q_k' = p_k q_k + f, y = sum of Re(weight_k R_k(x) q_k), M w'' = W - f, f = H max(w - y - r, 0)^1.5.
     """
     speed, span, poles = speed_kmh / 3.6, model.spacing_m, model.poles_rad_s
     weighted = model.residues * np.where(poles.imag == 0, 1.0, 2.0)

@@ -150,7 +150,7 @@ def main() -> int:
         measured = figure.compute()
         missed += not figure.ok(measured)
         target = f"{figure.least:g} to {figure.most:g} {figure.unit}"
-        print(f"{figure.name:44}{measured:10.2f}   {target:26}{'ok' if figure.ok(measured) else 'MISSED'}")
+        print(f"{figure.name:46}{measured:10.2f}   {target:26}{'ok' if figure.ok(measured) else 'MISSED'}")
     return 1 if missed else 0
 
 

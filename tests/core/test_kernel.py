@@ -22,9 +22,7 @@ def powers_of_ten(least: float, most: float) -> st.SearchStrategy[float]:
 @settings(max_examples=300)
 def test_contact_force_is_the_root(free: float, compliance: float, hertz: float):
     # Solved for the indentation, in units of the free one.
-    share = brentq(
-        lambda v: 1 - v - compliance / free * hertz * (free * v) ** 1.5, 0.0, 1.0, xtol=1e-300, rtol=1e-14
-    )
+    share = brentq(lambda v: 1 - v - compliance / free * hertz * (free * v) ** 1.5, 0.0, 1.0, xtol=1e-300, rtol=1e-14)
     assert contact_force(free, compliance, hertz) == pytest.approx(hertz * (free * share) ** 1.5, rel=1e-9)
 
 
@@ -58,11 +56,11 @@ from weld_force_ros import tracks
 from weld_force_ros.core.passage import Rig
 from weld_force_ros.core.shapes import cosine_dip
 from weld_force_ros.core.weld import wheel_trajectory
-definition = tracks.load("johansson-nielsen")
+definition = tracks.load("bilbao")
 rig = Rig(tracks.fitted(definition).model(), definition.wheel)
 x = np.linspace(-0.05, 0.05, 201)
 flat = wheel_trajectory(x, cosine_dip(x, 0.1, 0.9e-3), 0.45)
-surface = rig.surface(flat, [70.0, 200.0], [0.1])
+surface = rig.surface(flat, [200.0], [0.1])
 history = rig.history(flat, 200.0, 0.1)
 json.dump([surface.peak_force_n.tolist(), surface.peak_x_m.tolist(), surface.min_force_n.tolist(),
            surface.contact_loss_s.tolist(), history.force_n.tolist(), history.rail_m.tolist()], sys.stdout)
@@ -78,6 +76,6 @@ def passages(**environment: str) -> list[np.ndarray]:
 
 def test_compiled_kernel_equals_its_own_python():
     compiled, interpreted = passages(), passages(NUMBA_DISABLE_JIT="1")
-    assert compiled[3][1, 0] > 0.0  # the flat at 200 km/h loses contact
+    assert compiled[3][0, 0] > 0.0  # the flat at 200 km/h loses contact
     for fast, plain in zip(compiled, interpreted, strict=True):
         np.testing.assert_allclose(fast, plain, rtol=1e-7, atol=1e-7 * np.abs(plain).max())

@@ -6,9 +6,10 @@ import pytest
 
 from weld_force_ros.core import passage
 from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.poles import PoleModel
+from weld_force_ros.core.track import receptance
 from weld_force_ros.core.weld import Trajectory
 from weld_force_ros.errors import InputError, NumericalError
+from weld_force_ros.tracks import TrackDefinition
 
 from .oracles import integrated_passage
 
@@ -39,16 +40,17 @@ def test_passage_is_the_solution_of_its_equations(
     rig, shape = rigs[track], dip(length_m, depth_m)
     exact = integrated_passage(rig.model, rig.wheel, shape, speed_kmh, position_m, approach_spans)
     found = rig.surface(shape, [speed_kmh], [position_m])
-    top = exact.force_n.argmax()
-    assert found.peak_force_n[0, 0] == pytest.approx(exact.force_n[top], rel=0.002)
-    assert found.peak_x_m[0, 0] == pytest.approx(exact.x_m[top], abs=1e-3)
+    peak, place = exact.peak()
+    assert found.peak_force_n[0, 0] == pytest.approx(peak, rel=0.002)
+    assert found.peak_x_m[0, 0] == pytest.approx(place, abs=0.3e-3)
     assert found.min_force_n[0, 0] == pytest.approx(exact.force_n.min(), abs=0.002 * rig.wheel.static_load_n)
     apart = 20e-6 * np.count_nonzero(exact.force_n == 0.0)
     assert found.contact_loss_s[0, 0] == pytest.approx(apart, abs=60e-6)
     assert (found.contact_loss_s[0, 0] > 0) == (found.min_force_n[0, 0] == 0)
     history = rig.history(shape, speed_kmh, position_m)
-    force = np.interp(exact.x_m, history.x_m, history.force_n)
-    assert np.sqrt(np.mean((force - exact.force_n) ** 2)) < 0.003 * (exact.force_n.max() - exact.force_n.min())
+    common = (exact.x_m >= history.x_m[0]) & (exact.x_m <= history.x_m[-1])
+    difference = np.interp(exact.x_m[common], history.x_m, history.force_n) - exact.force_n[common]
+    assert np.sqrt(np.mean(difference**2)) < 0.003 * np.ptp(exact.force_n)
 
 
 @pytest.fixture
@@ -76,18 +78,14 @@ def test_steps_converge_with_second_order_while_contact_holds(stepped: Callable[
 
 @pytest.mark.parametrize("speed_kmh", [5.0, 80.0, 300.0])
 def test_wheel_at_rest_on_continuous_support_stays_at_rest(
-    speed_kmh: float, rigs: dict[str, Rig], definitions: dict, smooth_rail: Trajectory
+    speed_kmh: float, rigs: dict[str, Rig], definitions: dict[str, TrackDefinition], smooth_rail: Trajectory
 ):
     rig = rigs["bilbao-continuous"]
     load = rig.wheel.static_load_n
     history = rig.history(smooth_rail, speed_kmh, 0.0)
     np.testing.assert_allclose(history.force_n, load, rtol=1e-9)
-    # A Winkler beam under a resting load would give 95.6 MN/m; shear flexibility lowers it.
-    stiffness = load / -history.rail_m[-1]
-    undamped = definitions["bilbao-continuous"].track.undamped()
-    from weld_force_ros.core.track import receptance
-
-    assert stiffness == pytest.approx(1 / receptance(undamped, [0.5], [0.0])[0, 0].real, rel=1e-3)
+    exact = receptance(definitions["bilbao-continuous"].track.undamped(), [0.5], [0.0])[0, 0].real
+    np.testing.assert_allclose(history.rail_m, -load * exact, rtol=1e-3)
     indentation = history.rail_m - history.wheel_m
     np.testing.assert_allclose(indentation, (load / rig.wheel.hertz_n_per_m15) ** (2 / 3), rtol=1e-6)
 
@@ -99,7 +97,7 @@ def test_smooth_rail_force_repeats_with_the_span_about_the_static_load(
 ):
     rig = rigs[track]
     load, span = rig.wheel.static_load_n, rig.model.spacing_m
-    history = rig.history(smooth_rail, speed_kmh, 0.0, lead_in_m=3 * span)
+    history = rig.history(smooth_rail, speed_kmh, 0.0, until_m=3 * span)
     samples = round(span / (history.x_m[1] - history.x_m[0]))
     first, later = history.force_n[:samples], history.force_n[2 * samples : 3 * samples]
     np.testing.assert_allclose(later, first, atol=1e-4 * load)
@@ -135,10 +133,10 @@ def test_map_is_the_largest_of_each_history(rigs: dict[str, Rig], dip: Dip):
     surface = rig.surface(shape, speeds, positions)
     for row, speed in enumerate(speeds):
         for column, position in enumerate(positions):
-            history = rig.history(shape, speed, position, lead_in_m=0.0)
+            history = rig.history(shape, speed, position, until_m=4.0)
             assert surface.peak_force_n[row, column] == pytest.approx(history.force_n.max(), rel=1e-4)
             assert surface.peak_x_m[row, column] == pytest.approx(history.x_m[history.force_n.argmax()], abs=1e-3)
-            assert surface.min_force_n[row, column] == history.force_n.min()
+            assert surface.min_force_n[row, column] == pytest.approx(history.force_n.min(), rel=1e-4)
 
 
 def test_weld_one_span_on_gives_the_same_forces_one_span_on(rigs: dict[str, Rig], dip: Dip):
@@ -172,21 +170,22 @@ def test_each_speed_is_reported_once(rigs: dict[str, Rig], dip: Dip):
     [([], [0.0]), ([80.0], []), ([0.0], [0.0]), ([80.0, -5.0], [0.0]), ([np.nan], [0.0]), ([80.0], [np.inf])],
 )
 def test_bad_axes_are_refused(speeds: list[float], positions: list[float], rigs: dict[str, Rig], dip: Dip):
-    with pytest.raises(InputError, match="speed|position"):
+    with pytest.raises(InputError, match=r"speed|position"):
         rigs["bilbao"].surface(dip(0.048, 40e-6), speeds, positions)
 
 
 @pytest.mark.parametrize(("speed", "position"), [(0.0, 0.0), (-1.0, 0.0), (np.nan, 0.0), (80.0, np.nan)])
 def test_bad_passage_is_refused(speed: float, position: float, rigs: dict[str, Rig], dip: Dip):
-    with pytest.raises(InputError, match="speed|position"):
+    with pytest.raises(InputError, match=r"speed|position"):
         rigs["bilbao"].history(dip(0.048, 40e-6), speed, position)
 
 
 def test_growing_track_is_an_error_and_no_number(rigs: dict[str, Rig], smooth_rail: Trajectory):
     model = rigs["johansson-nielsen"].model
-    growing = replace(model, poles_rad_s=np.where(np.arange(len(model.poles_rad_s)) == 1, 30 + 400j, model.poles_rad_s))
-    with pytest.raises(NumericalError, match="settle|finite"):
-        Rig(PoleModel(**vars(growing)), rigs["johansson-nielsen"].wheel).surface(smooth_rail, [100.0], [0.0])
+    first = np.arange(len(model.poles_rad_s)) == 1
+    growing = replace(model, poles_rad_s=np.where(first, 30 + 400j, model.poles_rad_s))
+    with pytest.raises(NumericalError, match=r"settle|finite"):
+        Rig(growing, rigs["johansson-nielsen"].wheel).surface(smooth_rail, [100.0], [0.0])
 
 
 def test_wheel_knows_its_indentation_and_contact_stiffness(rigs: dict[str, Rig]):

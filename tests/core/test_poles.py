@@ -45,7 +45,9 @@ def test_any_tracks_poles_are_stable_and_its_static_deflection_exact(
     pad: float, pad_loss: float, ballast: float, ballast_damping: float, sleeper: float, order: int
 ):
     rail = Rail(60.21, 76.7e-4, 3038.3e-8, 210e9, 81e9, 0.4, 0.01)
-    track = Track("any", rail, Spring(pad * 1e6, pad_loss), sleeper, Spring(ballast * 1e6, 0.0, ballast_damping * 1e3), 0.6)
+    track = Track(
+        "any", rail, Spring(pad * 1e6, pad_loss), sleeper, Spring(ballast * 1e6, 0.0, ballast_damping * 1e3), 0.6
+    )
     model = fit_track(track, lambda omega: 1e-9 - 1 / (600.0 * omega**2) + 0j, order, section_count=6)
     assert model.order == order
     assert np.all(model.poles_rad_s.real < 0)
@@ -63,16 +65,14 @@ def test_shipped_fit_belongs_to_the_shipped_track_and_comes_out_again(
     assert shipped.key == tracks.fit_key(definition)
     fresh = fit_track(definition.track, definition.wheel.compliance, shipped.order)
     frequency, at = np.geomspace(5.0, 2500.0, 80), np.linspace(0.0, definition.track.spacing_m, 9)
-    np.testing.assert_allclose(
-        fresh.receptance(frequency, at), shipped.model().receptance(frequency, at), rtol=1e-4
+    np.testing.assert_allclose(fresh.receptance(frequency, at), shipped.model().receptance(frequency, at), rtol=1e-4)
+    assert shipped.error == pytest.approx(
+        relative_error(fresh, definition.track, definition.wheel.compliance), rel=0.01
     )
-    assert shipped.error == pytest.approx(relative_error(fresh, definition.track, definition.wheel.compliance), rel=0.01)
 
 
 @every_track
-def test_shipped_fit_is_stable_and_settles_at_the_exact_deflection(
-    name: str, definitions: dict[str, TrackDefinition]
-):
+def test_shipped_fit_is_stable_and_settles_at_the_exact_deflection(name: str, definitions: dict[str, TrackDefinition]):
     model, track = tracks.fitted(definitions[name]).model(), definitions[name].track
     assert np.all(model.poles_rad_s.real < 0)
     at = np.linspace(0.0, track.spacing_m, 101)

@@ -15,12 +15,12 @@ RADIUS_M = 0.45
 
 @st.composite
 def profiles(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray]:
-    """Heights up to +-1 mm that start and end on the rail, at an uneven spacing up to 10 mm."""
+    """Heights up to +-1 mm in whole nanometres that start and end on the rail, unevenly spaced up to 10 mm."""
     count = draw(st.integers(20, 60))
     steps = draw(st.lists(st.floats(0.5e-3, 10e-3), min_size=count - 1, max_size=count - 1))
-    heights = draw(st.lists(st.floats(-1e-3, 1e-3), min_size=count - 2, max_size=count - 2))
+    nanometres = draw(st.lists(st.integers(-(10**6), 10**6), min_size=count - 2, max_size=count - 2))
     x = np.concatenate([[0.0], np.cumsum(steps)])
-    return x - x[-1] / 2, np.array([0.0, *heights, 0.0])
+    return x - x[-1] / 2, np.array([0, *nanometres, 0]) * 1e-9
 
 
 def heights(trajectory: Trajectory) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from conftest import Outcomes, wait_until
+from ros_harness import Outcomes, wait_until
 
 from weld_force_ros.ros.folder import FolderWatcher
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import Outcomes, Probe, profile_text
+from ros_harness import Outcomes, Probe, profile_text
 from std_msgs.msg import String
 
 from weld_force_ros.contract import Rejection, WeldProfile, decode

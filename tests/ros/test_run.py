@@ -12,13 +12,14 @@ from typing import Any
 
 import pytest
 import yaml
-from conftest import DEADLINE_S, Outcomes, Probe, QuickSimulator, profile_text, wait_until
+from ros_harness import DEADLINE_S, Outcomes, Probe, QuickSimulator, profile_text, wait_until
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import String
 
 from weld_force_ros.contract import AssessmentSettings, Verdict, decode
+from weld_force_ros.errors import TrackError
 from weld_force_ros.ros import qos
-from weld_force_ros.ros.run import Suite, run_node, run_until_signal
+from weld_force_ros.ros.run import Suite, main, run_node, run_until_signal
 
 
 @contextmanager
@@ -31,17 +32,14 @@ def node_process(*arguments: str) -> Iterator[subprocess.Popen[str]]:
             process.kill()
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_signal_closes_the_bag_of_a_node_process(
-    domain_id: int, probe: Probe, tmp_path: Path, number: signal.Signals
-) -> None:
+def test_sigterm_closes_the_bag_of_a_node_process(domain_id: int, probe: Probe, tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     settings = probe.collect("assessment_settings", String, qos.CONTRACT)
     with node_process("assessment", "--ros-args", "-p", f"bag:={bag}") as process:
         settings.wait(1)
         probe.publish("force_map", "{broken")
         probe.collect("rejection", String, qos.CONTRACT).wait(1)
-        process.send_signal(number)
+        process.terminate()
         out, err = process.communicate(timeout=DEADLINE_S)
     assert (process.returncode, out) == (0, "")
     assert "Traceback" not in err
@@ -59,21 +57,36 @@ def test_signal_closes_the_bag_of_a_node_process(
     assert decode(AssessmentSettings, text).limits
 
 
+def test_missing_folder_ends_the_process_with_code_2_and_one_line(domain_id: int) -> None:
+    with node_process("profile") as process:
+        out, err = process.communicate(timeout=DEADLINE_S)
+    assert (process.returncode, out) == (2, "")
+    assert err == "error: parameter folder is not set; name the folder to watch, e.g. -p folder:=measurements\n"
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["profile"], "folder is not set"),
         (["simulator", "--ros-args", "-p", "track:=nowhere"], "nowhere"),
-        (["simulator", "--ros-args", "-p", "nonsense"], "nonsense"),
-        (["nobody"], "nobody"),
+        (["simulator", "--", "--ros-args", "-p", "wheel_mass_kg:=600"], "wheel_mass_kg"),
+        (["assessment", "--ros-args", "-p", "nonsense"], "nonsense"),
+        (["assessment", "--unknown"], "--unknown"),
     ],
 )
-def test_bad_arguments_end_with_code_2_and_no_traceback(domain_id: int, arguments: list[str], message: str) -> None:
-    with node_process(*arguments) as process:
-        out, err = process.communicate(timeout=DEADLINE_S)
-    assert (process.returncode, out) == (2, "")
-    assert message in err
-    assert "Traceback" not in err
+def test_bad_arguments_are_named_in_one_line(
+    domain_id: int, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert main(arguments) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert message in line
+
+
+def test_node_that_cannot_work_ends_the_run(domain_id: int) -> None:
+    def load(settings: Any) -> QuickSimulator:
+        raise TrackError("no fit", "make one")
+
+    with pytest.raises(TrackError, match="no fit"):
+        run_until_signal(Suite(("simulator",), load_simulator=load))
 
 
 def slow_suite(folder: Path, bag: Path, outcomes: Outcomes, made: list[QuickSimulator]) -> Suite:
@@ -106,7 +119,7 @@ def test_queued_profiles_are_finished_after_a_signal(domain_id: int, folder: Pat
     suite = slow_suite(folder, tmp_path / "bag", outcomes, made)
 
     def stop_while_all_wait() -> None:
-        wait_until(lambda: suite.nodes and suite.nodes["simulator"].pending == 5)
+        wait_until(lambda: len(suite.nodes) == 3 and suite.nodes["simulator"].pending == 5)
         os.kill(os.getpid(), signal.SIGTERM)
         wait_until(lambda: not suite.nodes["profile"].watching)
         (folder / "late.csv").write_text(profile_text())
@@ -129,9 +142,10 @@ def test_second_signal_stops_at_once_and_says_what_is_left(
     suite = slow_suite(folder, tmp_path / "bag", outcomes, made)
 
     def stop_twice() -> None:
-        wait_until(lambda: suite.nodes and suite.nodes["simulator"].pending == 3)
+        wait_until(lambda: len(suite.nodes) == 3 and suite.nodes["simulator"].pending == 3)
         os.kill(os.getpid(), signal.SIGINT)
-        wait_until(lambda: not suite.nodes["profile"].watching)
+        # Signals that come before the first is dealt with are one; and the recorder is to have all but the simulations.
+        wait_until(lambda: not suite.nodes["profile"].watching and suite.left == 3)
         os.kill(os.getpid(), signal.SIGINT)
         wait_until(lambda: suite.closing)
         made[0].go_on.set()
@@ -173,6 +187,7 @@ def test_three_processes_make_a_pipeline(domain_id: int, probe: Probe, folder: P
         (text,) = verdicts.wait(1)
         for process in (first, middle, last):
             process.terminate()
+        for process in (first, middle, last):
             _, err = process.communicate(timeout=DEADLINE_S)
             assert (process.returncode, "Traceback" in err) == (0, False)
     assert decode(Verdict, text.data).weld_id == "weld"

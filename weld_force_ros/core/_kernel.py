@@ -139,3 +139,114 @@ def peaks_at_speed(states, shapes, gains, coefficients, starts, lengths, stride,
             rail, wheel, shapes, gains, coefficients, starts[i], stride, irregularities[i, : lengths[i]],
             physics, dt, results[i],
         )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def moving_response(
+    behind_re, behind_im, shape_re, shape_im, multiplier_re, multiplier_im, turn_re, turn_im, start, row
+):
+    """Response, step by step, under a point that leaves grid point `start` with the force pulse it gave there.
+
+    Sums waves over frequency: `behind` (2, n_frequency) is the pulse's spectrum in each wave, `shape`
+    (n_grid, 2, n_frequency) the waves over a span, `multiplier` (2, n_frequency) their ratio from span to span, `turn`
+    (n_frequency) the phase of one step. `behind` is changed; `row` (n_step) gets the response.
+    """
+    grid, _, frequencies = shape_re.shape
+    phase_re, phase_im = np.ones(frequencies), np.zeros(frequencies)
+    j = start
+    for n in range(row.shape[0]):
+        if j == grid:
+            j = 0
+            for i in range(2):
+                for k in range(frequencies):
+                    re, im = behind_re[i, k], behind_im[i, k]
+                    behind_re[i, k] = re * multiplier_re[i, k] - im * multiplier_im[i, k]
+                    behind_im[i, k] = re * multiplier_im[i, k] + im * multiplier_re[i, k]
+        total = 0.0
+        for k in range(frequencies):
+            re = (
+                behind_re[0, k] * shape_re[j, 0, k] - behind_im[0, k] * shape_im[j, 0, k]
+                + behind_re[1, k] * shape_re[j, 1, k] - behind_im[1, k] * shape_im[j, 1, k]
+            )  # fmt: skip
+            im = (
+                behind_re[0, k] * shape_im[j, 0, k] + behind_im[0, k] * shape_re[j, 0, k]
+                + behind_re[1, k] * shape_im[j, 1, k] + behind_im[1, k] * shape_re[j, 1, k]
+            )  # fmt: skip
+            total += re * phase_re[k] - im * phase_im[k]
+            turned = phase_re[k] * turn_re[k] - phase_im[k] * turn_im[k]
+            phase_im[k] = phase_re[k] * turn_im[k] + phase_im[k] * turn_re[k]
+            phase_re[k] = turned
+        row[n] = total
+        j += 1
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def passage_by_convolution(rows, nodes, weights, start, at_rest, irregularity, physics, dt, result):
+    """Roll from grid point `start`; the rail's displacement is the sum of the responses to all earlier forces.
+
+    A pulse at grid point j answers with `weights[j] @ rows[nodes[j]]`. For the first `at_rest` steps the force is the
+    static load, so that the rail knows a load that has always rolled; then the wheel is let go. `result`
+    (n_step, 3): force, wheel and rail displacement, positive down.
+    """
+    mass, load, hertz = physics[0], physics[1], physics[2]
+    steps, grid, memory = irregularity.shape[0], weights.shape[0], rows.shape[1]
+    answer = np.zeros(steps + memory)
+    own = dt * dt / (6.0 * mass)
+    wheel, velocity, force = 0.0, 0.0, load
+    j = start % grid
+    for n in range(steps):
+        here = 0.0
+        for q in range(weights.shape[1]):
+            here += weights[j, q] * rows[nodes[j, q], 0]
+        if n < at_rest:
+            wheel = answer[n] + here * load + (load / hertz) ** (2.0 / 3.0) + irregularity[n]
+        else:
+            free = wheel + dt * (velocity + dt * (0.5 * load - force / 3.0) / mass)
+            old = force
+            force = contact_force(free - answer[n] - irregularity[n], here + own, hertz)
+            wheel = free - own * force
+            velocity += dt * (load - 0.5 * (old + force)) / mass
+        result[n, 0], result[n, 1], result[n, 2] = force, wheel, answer[n] + here * force
+        if force != 0.0:
+            for q in range(weights.shape[1]):
+                scale = weights[j, q] * force
+                row = rows[nodes[j, q]]
+                for m in range(1, memory):
+                    answer[n + m] += scale * row[m]
+        j += 1
+        if j == grid:
+            j = 0
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def rate(time, state, poles_re, poles_im, shapes, grid_m, pieces, piece_m, from_x, to_first, speed, physics, slope):
+    """Time derivative of (rail states, wheel, velocity): the equations that `_step` solves, for general solvers.
+
+    `shapes` is read linearly between grid points from `from_x`; the irregularity (positive down) is the cubic
+    `pieces` (4, n) of length `piece_m`, the first `to_first` ahead of the start.
+    """
+    grid = shapes.shape[0]
+    place = (from_x + speed * time) / grid_m
+    base = np.floor(place)
+    part = place - base
+    j = int(base) % grid
+    k = (j + 1) % grid
+    pairs = poles_re.shape[0]
+    displacement = 0.0
+    for i in range(2 * pairs):
+        displacement += ((1.0 - part) * shapes[j, i] + part * shapes[k, i]) * state[i]
+    ahead = (speed * time - to_first) / piece_m
+    irregularity = 0.0
+    if 0.0 <= ahead < pieces.shape[1]:
+        n = int(ahead)
+        s = (ahead - n) * piece_m
+        irregularity = ((pieces[0, n] * s + pieces[1, n]) * s + pieces[2, n]) * s + pieces[3, n]
+    indentation = max(state[2 * pairs] - displacement - irregularity, 0.0)
+    force = physics[2] * indentation * np.sqrt(indentation)
+    for i in range(pairs):
+        re, im = state[2 * i], state[2 * i + 1]
+        slope[2 * i] = poles_re[i] * re - poles_im[i] * im + force
+        slope[2 * i + 1] = poles_re[i] * im + poles_im[i] * re
+    slope[2 * pairs] = state[2 * pairs + 1]
+    slope[2 * pairs + 1] = (physics[1] - force) / physics[0]
+    return force

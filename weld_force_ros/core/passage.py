@@ -72,6 +72,21 @@ class History:
 
 
 @dataclass(frozen=True)
+class Start:
+    """Where and how a passage begins: for another solver to take over.
+
+    Attributes:
+        x_m: from the sleeper before the weld.
+        last_m: where the passage ends.
+        state: (2 n + 2,): rail states (re, im), displacement and velocity of the wheel, positive down.
+    """
+
+    x_m: float
+    last_m: float
+    state: Real
+
+
+@dataclass(frozen=True)
 class _Rolling:
     """What the kernel needs for one speed."""
 
@@ -158,9 +173,20 @@ class Rig:
             raise NumericalError("the passage did not stay finite; the fit of this track cannot be used at that speed")
         return History(x, result[:, 0], -result[:, 1], -result[:, 2], irregularity)
 
+    def start(self, trajectory: Trajectory, speed_kmh: float, position_m: float) -> Start:
+        """The state in which a passage of `surface` begins."""
+        rolling = self._rolling(speed_kmh)
+        last_m = position_m + trajectory.end_m + self._run_out_m(speed_kmh)
+        first, _ = self._window(rolling, position_m + trajectory.start_m, last_m)
+        rail, wheel = self._state(rolling, first)
+        return Start(first * self.grid_m, last_m, np.concatenate([rail, wheel[:2]]))
+
+    def _run_out_m(self, speed_kmh: float) -> float:
+        """Until the weld's echo has passed; at least a span, so that every window holds the smooth rail's own peak."""
+        return max(self.model.spacing_m, RUN_OUT_S * speed_kmh / 3.6)
+
     def _peaks(self, rolling: _Rolling, trajectory: Trajectory, speed_kmh: float, positions: Real) -> Real:
-        # Until the weld's echo has passed, and at least a span, so that every window holds the smooth rail's own peak.
-        run_out_m = max(self.model.spacing_m, RUN_OUT_S * speed_kmh / 3.6)
+        run_out_m = self._run_out_m(speed_kmh)
         windows = [self._window(rolling, p + trajectory.start_m, p + trajectory.end_m + run_out_m) for p in positions]
         starts = np.array([start for start, _ in windows])
         lengths = np.array([steps for _, steps in windows])

@@ -12,7 +12,7 @@ supported Timoshenko beam", J. Sound Vib. 252 (2002)).
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -116,15 +116,13 @@ def transfer_receptance(track: Track, frequency_hz: ArrayLike, at_m: ArrayLike, 
     at, force_at = np.broadcast_arrays(
         np.atleast_1d(np.asarray(at_m, dtype=np.float64)), np.asarray(force_at_m, dtype=np.float64)
     )
-    if track.continuous:
-        waves = _rail_waves(track.rail, omega, track.support_stiffness(omega) / track.spacing_m)
-        return waves.response(np.abs(at - force_at))
-    return _Floquet(track, omega).response(at, force_at)
+    return _response(waves(track, omega), at, force_at)
 
 
 def static_compliance(track: Track, at_m: ArrayLike) -> Real:
     """Deflection under a resting unit load, m/N, shape (n_at,): the undamped track, as loss does not act at rest."""
-    return receptance(track.undamped(), [_STATIC_HZ], at_m)[:, 0].real
+    at = np.atleast_1d(np.asarray(at_m, dtype=np.float64))
+    return _response(static_waves(track), at, at)[:, 0].real
 
 
 def sections(track: Track, count: int) -> Real:
@@ -152,46 +150,76 @@ def pinned_pinned_hz(track: Track) -> float:
     return float(np.sqrt(square.real.min()) / (2 * np.pi))
 
 
-@dataclass(frozen=True)
+class Waves(Protocol):
+    """The two waves in which a track answers a force, for many frequencies at once.
+
+    The response at x to a force at x0 <= x is sum_i strength_i shape_i(x) shape_i(-x0).
+
+    Attributes:
+        strength: (2, n_frequency), m/N.
+        multiplier: (2, n_frequency), a wave's ratio from one span to the next, magnitude at most 1.
+    """
+
+    strength: Complex
+    multiplier: Complex
+
+    def shape(self, x_m: Real) -> Complex:
+        """The waves that decay towards +x: (2, n_x, n_frequency)."""
+
+
+def waves(track: Track, omega: Real) -> Waves:
+    """A track's waves at angular frequencies `omega` (n_frequency,), rad/s, positive."""
+    if track.continuous:
+        return _RailWaves(track.rail, omega, track.spacing_m, track.support_stiffness(omega) / track.spacing_m)
+    return _FloquetWaves(track, omega)
+
+
+def static_waves(track: Track) -> Waves:
+    """The waves of a track at rest, where loss does not act: one frequency, next to zero."""
+    return waves(track.undamped(), np.array([2 * np.pi * _STATIC_HZ]))
+
+
+def _response(waves: Waves, at_m: Real, force_at_m: Real) -> Complex:
+    ahead = np.maximum(at_m, force_at_m)
+    behind = np.minimum(at_m, force_at_m)  # reciprocity: the response depends on the pair only
+    parts = waves.strength[:, None, :] * waves.shape(ahead) * waves.shape(-behind)
+    return np.asarray(parts.sum(axis=0))
+
+
 class _RailWaves:
-    """g(x) = sum_j amplitude_j exp(-decay_j |x|), both of shape (2, n_frequency), Re(decay) > 0."""
+    """The rail's two waves, free or on a foundation of complex stiffness N/m^2: exp(-decay x), Re(decay) > 0."""
 
-    decay: Complex
-    amplitude: Complex
+    def __init__(self, rail: Rail, omega: Real, span_m: float, foundation: Complex | float = 0.0) -> None:
+        loss = 1 + 1j * rail.loss_factor
+        shear = rail.shear_coefficient * rail.shear_modulus_pa * rail.area_m2 * loss
+        bending = rail.youngs_modulus_pa * rail.second_moment_m4 * loss
+        inertia = rail.mass_kg_per_m * omega**2 - foundation
+        rotary = rail.mass_kg_per_m * rail.second_moment_m4 / rail.area_m2 * omega**2
+        # exp(-k x): shear bending k^4 + (shear rotary + bending inertia) k^2 + inertia (rotary - shear) = 0
+        half = (shear * rotary + bending * inertia) / (2 * shear * bending)
+        root = np.sqrt(half**2 - inertia * (rotary - shear) / (shear * bending) + 0j)
+        square = np.stack([-half + root, -half - root])
+        decay = np.sqrt(square)
+        # An undamped travelling wave has no real part: the root that radiates away is +i |k| (phase lag with distance).
+        lossless = np.abs(decay.real) <= 1e-9 * np.abs(decay)
+        self.decay = np.where(lossless, 1j * np.abs(decay.imag), np.where(decay.real < 0, -decay, decay))
+        other = square[::-1]
+        amplitude = (shear - rotary - bending * square) / (2 * self.decay * shear * bending * (other - square))
+        self.strength: Complex = amplitude
+        self.multiplier: Complex = np.exp(-self.decay * span_m)
 
-    def response(self, distance_m: Real) -> Complex:
-        waves = self.amplitude[:, None, :] * np.exp(-self.decay[:, None, :] * distance_m[None, :, None])
-        return np.asarray(waves.sum(axis=0))
-
-
-def _rail_waves(rail: Rail, omega: Real, foundation: Complex | float = 0.0) -> _RailWaves:
-    """The rail's two waves, free or on a foundation of complex stiffness N/m^2."""
-    loss = 1 + 1j * rail.loss_factor
-    shear = rail.shear_coefficient * rail.shear_modulus_pa * rail.area_m2 * loss
-    bending = rail.youngs_modulus_pa * rail.second_moment_m4 * loss
-    inertia = rail.mass_kg_per_m * omega**2 - foundation
-    rotary = rail.mass_kg_per_m * rail.second_moment_m4 / rail.area_m2 * omega**2
-    # exp(-k x): shear bending k^4 + (shear rotary + bending inertia) k^2 + inertia (rotary - shear) = 0
-    half = (shear * rotary + bending * inertia) / (2 * shear * bending)
-    root = np.sqrt(half**2 - inertia * (rotary - shear) / (shear * bending) + 0j)
-    square = np.stack([-half + root, -half - root])
-    decay = np.sqrt(square)
-    # An undamped travelling wave has no real part: the root that radiates away is +i |k| (phase lag with distance).
-    lossless = np.abs(decay.real) <= 1e-9 * np.abs(decay)
-    decay = np.where(lossless, 1j * np.abs(decay.imag), np.where(decay.real < 0, -decay, decay))
-    other = square[::-1]
-    amplitude = (shear - rotary - bending * square) / (2 * decay * shear * bending * (other - square))
-    return _RailWaves(decay, amplitude)
+    def shape(self, x_m: Real) -> Complex:
+        return np.asarray(np.exp(-self.decay[:, None, :] * x_m[None, :, None]))
 
 
-class _Floquet:
-    """The two decaying Floquet waves of a periodically supported rail, for many frequencies at once."""
+class _FloquetWaves:
+    """The two decaying Floquet waves of a periodically supported rail."""
 
     def __init__(self, track: Track, omega: Real) -> None:
         self.span_m = track.spacing_m
-        self.rail = _rail_waves(track.rail, omega)
+        self.rail = _RailWaves(track.rail, omega, track.spacing_m)
         support = track.support_stiffness(omega)
-        (a1, a2), (k1, k2) = self.rail.amplitude, self.rail.decay * self.span_m
+        (a1, a2), (k1, k2) = self.rail.strength, self.rail.decay * self.span_m
         c1, c2, s1, s2 = np.cosh(k1), np.cosh(k2), np.sinh(k1), np.sinh(k2)
         # 1 + support sum_j A_j s_j / (c_j - c) = 0, c = cosh(mu)
         linear = -(c1 + c2 + support * (a1 * s1 + a2 * s2))
@@ -200,25 +228,17 @@ class _Floquet:
         cosh = np.stack([-linear / 2 + root, -linear / 2 - root])
         sinh = np.sqrt(cosh**2 - 1)
         sinh = np.where(np.abs(cosh - sinh) > 1, -sinh, sinh)
-        self.multiplier = cosh - sinh  # |.| <= 1
+        self.multiplier: Complex = cosh - sinh
         # d/d mu of the condition at a support, which the residue needs
         slope = support * sinh * (a1 * s1 / (c1 - cosh) ** 2 + a2 * s2 / (c2 - cosh) ** 2)
-        self.strength = support / slope
+        self.strength: Complex = support / slope
 
-    def response(self, at_m: Real, force_at_m: Real) -> Complex:
-        ahead = np.maximum(at_m, force_at_m)
-        behind = np.minimum(at_m, force_at_m)  # reciprocity: the response depends on the pair only
-        waves = self.strength[:, None, :] * self._shape(ahead) * self._shape(-behind)
-        return np.asarray(waves.sum(axis=0))
-
-    def _shape(self, x_m: Real) -> Complex:
-        """The wave that decays towards +x at `x_m`: (2 Floquet waves, n_x, n_frequency)."""
+    def shape(self, x_m: Real) -> Complex:
         span = np.floor(x_m / self.span_m)
         x = (x_m - span * self.span_m)[None, :, None]
         multiplier = self.multiplier[:, None, :]
         shape = np.zeros((2, len(x_m), multiplier.shape[-1]), dtype=np.complex128)
-        for decay, amplitude in zip(self.rail.decay, self.rail.amplitude, strict=True):
-            step = np.exp(-decay * self.span_m)
+        for decay, amplitude, step in zip(self.rail.decay, self.rail.strength, self.rail.multiplier, strict=True):
             from_behind = np.exp(-decay * x) / (1 - step / multiplier)
             from_ahead = multiplier * np.exp(-decay * (self.span_m - x)) / (1 - step * multiplier)
             shape += amplitude * (from_behind + from_ahead)

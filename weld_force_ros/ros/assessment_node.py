@@ -11,7 +11,7 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 
 from weld_force_ros import assess
-from weld_force_ros.bag import Recorder
+from weld_force_ros.bag import MessageDefinition, Recorder
 from weld_force_ros.contract import (
     AssessmentSettings,
     ForceHistory,
@@ -69,6 +69,7 @@ class AssessmentNode(Node):
             Verdict: on_verdict,
             Rejection: on_rejection,
         }
+        self._definitions: dict[str, MessageDefinition] = {}
         self._repeats = Repeats()
         self._taking = True
         self._recorder = Recorder(Path(bag).expanduser()) if bag else None
@@ -149,7 +150,9 @@ class AssessmentNode(Node):
     def _record(self, sample: Sample) -> None:
         if self._recorder is None:
             return
-        definition = message_definition(sample.message_type, sample.qos)
+        if sample.topic not in self._definitions:
+            self._definitions[sample.topic] = message_definition(sample.message_type, sample.qos)
+        definition = self._definitions[sample.topic]
         try:
             self._recorder.write(
                 sample.topic, definition, sample.cdr, log_time_ns=sample.received_ns, publish_time_ns=sample.sent_ns

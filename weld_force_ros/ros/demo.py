@@ -45,7 +45,7 @@ def demonstrate(folder: Path, *, track: str, on_outcome: Callable[[str], None]) 
         measurements.mkdir()
     except OSError as error:
         raise InputError(f"{folder}: {error.strerror or error}", "name a new folder with --out") from None
-    _keep_to_itself()
+    keep_to_itself()
     shipped = profiles.shipped()
     dropped: dict[str, float] = {}
     waited: dict[str, float] = {}
@@ -88,7 +88,7 @@ def demonstrate(folder: Path, *, track: str, on_outcome: Callable[[str], None]) 
     return Demonstrated(bag, replay.read(bag), waited, left + len(shipped) - len(waited))
 
 
-def _keep_to_itself() -> None:
+def keep_to_itself() -> None:
     """Localhost, and unless the user chose one a domain of this process: two demos do not hear each other."""
     environment.stay_on_this_machine()
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))

@@ -17,7 +17,7 @@ PLOT = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=100,
     reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 DIAGNOSTICS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,

@@ -20,6 +20,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
 from weld_force_ros import assess
 from weld_force_ros.contract import ForceHistory, ForceMap, Message, Rejection, SimulationSettings, Verdict, WeldProfile
@@ -94,17 +95,7 @@ class Suite:
         environment.prepare()
         if set(self._kinds) == set(KINDS):
             environment.stay_on_this_machine()
-        try:
-            rclpy.init(
-                args=self._ros_args,
-                context=self._context,
-                domain_id=self._domain_id,
-                signal_handler_options=SignalHandlerOptions.NO,
-            )
-        except Exception as error:  # rclpy has no common class for the errors of its arguments
-            raise InputError(
-                f"ROS does not start: {_one_line(error)}", "check the arguments after --ros-args"
-            ) from None
+        self._start_ros()
         self._executor = SingleThreadedExecutor(context=self._context)
         self._thread = threading.Thread(target=self._spin, name="executor", daemon=True)
         try:
@@ -136,7 +127,8 @@ class Suite:
         waiting = 0
         for kind in KINDS:
             if kind in self.nodes:
-                waiting += self._under_way_to(kind) + self.nodes[kind].pending
+                # What is queued in a node is under way to it, too.
+                waiting += max(self._under_way_to(kind), self.nodes[kind].pending)
         return waiting
 
     def drain(self, timeout_s: float = DRAIN_S, abandon: threading.Event | None = None) -> int:
@@ -177,6 +169,22 @@ class Suite:
             for node in self.nodes.values():
                 node.destroy_node()
             self._context.try_shutdown()
+
+    def _start_ros(self) -> None:
+        remedy = "check the arguments after --ros-args"
+        try:
+            foreign = remove_ros_args(["", *self._ros_args])[1:]
+            rclpy.init(
+                args=self._ros_args,
+                context=self._context,
+                domain_id=self._domain_id,
+                signal_handler_options=SignalHandlerOptions.NO,
+            )
+        except Exception as error:  # rclpy has no common class for the errors of its arguments
+            raise InputError(f"ROS does not start: {_one_line(error)}", remedy) from None
+        if foreign:
+            self._context.try_shutdown()
+            raise InputError(f"{' '.join(foreign)} is unknown", remedy)
 
     def _make(self, kind: Kind) -> SuiteNode:
         overrides = [Parameter(name, value=value) for name, value in self._parameters.get(kind, {}).items()]

@@ -70,4 +70,5 @@ class Worker(Generic[T]):
             try:
                 self._handle(item)
             except Exception as error:
-                self._complain(error)
+                if not self._closed:  # an abandoned item finds its publishers gone
+                    self._complain(error)

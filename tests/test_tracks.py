@@ -1,0 +1,206 @@
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import platformdirs
+import pytest
+import yaml
+
+from weld_force_ros import tracks
+from weld_force_ros.errors import InputError, TrackError
+
+BILBAO = tracks.load("bilbao").text
+
+CONTINUOUS = """
+name: tram
+rail:
+  mass_kg_per_m: 54.8
+  area_cm2: 69.8
+  second_moment_cm4: 2337
+  youngs_modulus_gpa: 210
+  shear_modulus_gpa: 81
+  shear_coefficient: 0.4
+supports:
+  kind: continuous
+  spacing_m: 0.75
+  pad: {stiffness_kn_per_mm: 90, damping_kns_per_m: 12}
+  half_sleeper_mass_kg: 110
+  ballast: {stiffness_kn_per_mm: 70, loss_factor: 0.4, damping_kns_per_m: 3}
+wheel: {mass_kg: 500, static_load_kn: 55, radius_m: 0.33, hertz_gn_per_m15: 88}
+"""
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(platformdirs, "user_cache_path", lambda name: tmp_path / name)
+    return tmp_path / "weld_force_ros" / "fits"
+
+
+@pytest.fixture
+def fits_made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    made: list[str] = []
+    real = tracks.make_fit
+    monkeypatch.setattr(
+        tracks, "make_fit", lambda definition: (made.append(definition.track.name), real(definition))[1]
+    )
+    return made
+
+
+def test_users_file_is_read_into_si_units(tmp_path: Path):
+    path = tmp_path / "tram.yaml"
+    path.write_text(CONTINUOUS)
+    found = tracks.load(str(path))
+    assert found.track.name == "tram"
+    assert found.track.continuous
+    assert found.text == CONTINUOUS
+    rail, pad, ballast = found.track.rail, found.track.pad, found.track.ballast
+    assert (rail.mass_kg_per_m, rail.youngs_modulus_pa, rail.loss_factor) == (54.8, 210e9, 0.0)
+    assert (rail.area_m2, rail.second_moment_m4) == pytest.approx((69.8e-4, 2337e-8))
+    assert (pad.stiffness_n_per_m, pad.damping_ns_per_m, pad.loss_factor) == (90e6, 12e3, 0.0)
+    assert (ballast.stiffness_n_per_m, ballast.damping_ns_per_m, ballast.loss_factor) == (70e6, 3e3, 0.4)
+    assert (found.wheel.mass_kg, found.wheel.static_load_n, found.wheel.hertz_n_per_m15) == (500, 55e3, 88e9)
+
+
+@pytest.mark.parametrize("name", tracks.shipped())
+def test_every_number_of_a_shipped_track_names_its_source(name: str):
+    def walk(node: dict) -> Iterator[tuple[str, object]]:
+        for key, value in node.items():
+            if isinstance(value, dict) and "value" not in value:
+                yield from walk(value)
+            else:
+                yield key, value
+
+    for key, value in walk(yaml.safe_load(tracks.load(name).text)):
+        if not isinstance(value, str):
+            assert isinstance(value, dict), f"{key} has no source"
+            assert len(value["source"]) > 5
+
+
+def test_sources_and_layout_are_no_part_of_a_fits_identity():
+    bare = re.sub(r"\{value: ([\d.]+), source: \"[^\"]*\"\}", r"\1", BILBAO)
+    assert "source" not in bare
+    renamed = bare.replace("name: bilbao", "name: my own")
+    key = tracks.fit_key(tracks.load("bilbao"))
+    assert tracks.fit_key(tracks.parse(renamed, "renamed")) == key
+    assert tracks.fit_key(tracks.parse(bare.replace("348.6", "348.7"), "softer")) != key
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("half_sleeper_mass_kg: 110", "", "half_sleeper_mass_kg"),
+        ("half_sleeper_mass_kg: 110", "half_sleeper_mass_kg: -110", "half_sleeper_mass_kg is -110"),
+        ("half_sleeper_mass_kg: 110", "half_sleeper_mass_kg: .nan", "half_sleeper_mass_kg is nan"),
+        ("half_sleeper_mass_kg: 110", "half_sleeper_mass_kg: .inf", "half_sleeper_mass_kg is inf"),
+        ("half_sleeper_mass_kg: 110", "half_sleeper_mass_kg: heavy", "half_sleeper_mass_kg"),
+        ("half_sleeper_mass_kg: 110", "half_sleeper_mass_kg: true", "half_sleeper_mass_kg"),
+        ("half_sleeper_mass_kg: 110", "half_sleeper_mass_kg: 1" + "0" * 400, "out of range"),
+        ("half_sleeper_mass_kg: 110", "half_sleeper_mass_kg: 1" + "0" * 5000, "digits"),
+        ("mass_kg_per_m", "mass_lb_per_yd", "mass_lb_per_yd"),
+        ("damping_kns_per_m: 12", "loss_factor: 0", "supports.pad has no damping"),
+        ("spacing_m: 0.75", "spacing_m: 75", "spacing_m is 75; give a number from 0.2 to 2"),
+        ("kind: continuous", "kind: floating", "floating"),
+        ("name: tram", "name: ''", "name"),
+        ("name: tram", "name: 2001-13-45", "month"),
+        ("name: tram", "name: !!timestamp tram", "tags"),
+        ("name: tram", "name: &n [*n]", "anchors"),
+        ("name: tram", "name: " + "[" * 60_000, "nested"),
+        ("name: tram", "name: " + "x" * 70_000, "65536"),
+        ("name: tram", "name: [", "line"),
+        ("name: tram", "name: \ud800", "surrogates"),
+    ],
+    ids=lambda text: text[:40],
+)
+def test_file_that_is_no_track_is_refused_with_one_line(old: str, new: str, complaint: str):
+    assert old in CONTINUOUS
+    with pytest.raises(TrackError, match=re.escape(complaint)) as caught:
+        tracks.parse(CONTINUOUS.replace(old, new, 1), "tram.yaml")
+    assert str(caught.value).startswith("track file tram.yaml:")
+    assert "\n" not in str(caught.value)
+    assert caught.value.remedy
+
+
+def test_yaml_bomb_is_refused_at_once():
+    bomb = "a0: &a0 {k: v}\n" + "".join(
+        f"a{i}: &a{i} {{<<: [{', '.join([f'*a{i - 1}'] * 10)}]}}\n" for i in range(1, 12)
+    )
+    with pytest.raises(TrackError, match="anchors"):
+        tracks.parse(bomb, "bomb.yaml")
+
+
+@pytest.mark.parametrize("name", ["no-such-track", "x" * 5000 + ".yaml", "\0.yaml", "..", "missing.yaml"])
+def test_unknown_track_is_refused_with_the_names_there_are(name: str):
+    with pytest.raises(InputError, match="bilbao, bilbao-continuous"):
+        tracks.load(name)
+
+
+def test_binary_file_is_refused(tmp_path: Path):
+    path = tmp_path / "image.yaml"
+    path.write_bytes(b"\x89PNG\xff\xfe\0")
+    with pytest.raises(TrackError, match=r"image\.yaml"):
+        tracks.load(str(path))
+
+
+def test_shipped_tracks_need_no_fitting(cache: Path, fits_made: list[str]):
+    for name in tracks.shipped():
+        tracks.fitted(tracks.load(name))
+    assert fits_made == []
+    assert not cache.exists()
+
+
+def test_own_track_is_fitted_once_and_then_read(cache: Path, fits_made: list[str]):
+    definition, told = tracks.parse(CONTINUOUS, "tram.yaml"), []
+    first = tracks.fitted(definition, on_fit=told.append)
+    again = tracks.fitted(definition, on_fit=told.append)
+    assert fits_made == ["tram"]
+    assert len(told) == 1
+    assert "tram" in told[0]
+    assert msgspec.to_builtins(again) == msgspec.to_builtins(first)
+    assert [path.name for path in cache.iterdir()] == [f"{tracks.fit_key(definition)}.json"]
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda data: data[: len(data) // 2],
+        lambda data: b"",
+        lambda data: b"\xff" * 100,
+        lambda data: re.sub(rb'("residues_re": \[)[^,]*,', rb"\1", data),
+        lambda data: data.replace(b'"key": "', b'"key": "x'),
+    ],
+    ids=["cut", "empty", "binary", "a residue short", "another key"],
+)
+def test_damaged_cache_entry_is_made_anew(damage, cache: Path, fits_made: list[str]):
+    definition = tracks.parse(CONTINUOUS, "tram.yaml")
+    good = tracks.fitted(definition)
+    entry = cache / f"{good.key}.json"
+    damaged = damage(entry.read_bytes())
+    assert damaged != entry.read_bytes()
+    entry.write_bytes(damaged)
+    assert tracks.fitted(definition).poles_re_rad_s == pytest.approx(good.poles_re_rad_s, rel=1e-6)
+    assert len(fits_made) == 2
+    tracks.fitted(definition)
+    assert len(fits_made) == 2
+
+
+def test_unwritable_cache_costs_only_time(cache: Path):
+    cache.parent.write_text("a file where the folder should be")
+    fit = tracks.fitted(tracks.parse(CONTINUOUS, "tram.yaml"))
+    assert fit.model().order == fit.order
+
+
+def test_track_name_is_never_a_path(cache: Path):
+    definition = tracks.parse(CONTINUOUS.replace("name: tram", r'name: "../../tram\0"'), "tram.yaml")
+    tracks.fitted(definition)
+    assert len(list(cache.iterdir())) == 1
+
+
+def test_fit_file_gives_back_its_model():
+    fit = tracks.make_fit(tracks.parse(CONTINUOUS, "tram.yaml"))
+    model = fit.model()
+    assert model.residues.shape == (1, len(model.poles_rad_s))
+    assert np.all(model.poles_rad_s.real < 0)
+    assert len(fit.bands_hz) == 2 * len(fit.error_by_band)
+    assert fit.spacing_m == 0.75
