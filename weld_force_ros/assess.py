@@ -178,7 +178,8 @@ class Simulator:
         definition = tracks.parse(settings.track_definition, settings.track)
         wheel = Wheel(settings.wheel_mass_kg, settings.static_load_n, settings.wheel_radius_m, settings.hertz_n_per_m15)
         self._span_m = definition.track.spacing_m
-        self.rig = Rig(tracks.fitted(definition, on_fit=on_fit).model(), wheel)
+        self.model = tracks.fitted(definition, on_fit=on_fit).model()
+        self.rig = Rig(self.model, wheel)
 
     def trajectory(self, profile: WeldProfile) -> Trajectory:
         """The wheel centre's trajectory over a profile."""

@@ -19,7 +19,9 @@ from scipy.interpolate import CubicSpline
 from weld_force_ros import profiles
 from weld_force_ros.assess import Simulator, parse_speeds, simulation_settings
 from weld_force_ros.core import _kernel
-from weld_force_ros.core.passage import Rig
+from weld_force_ros.core.passage import Rig, Start
+from weld_force_ros.core.poles import PoleModel
+from weld_force_ros.core.propagation import first_order_hold
 from weld_force_ros.core.weld import RESAMPLED_STEP_M, Trajectory
 from weld_force_ros.errors import WeldForceError
 
@@ -39,10 +41,12 @@ def run(*, repetitions: int = 3, on_step: Callable[[str], None] = lambda _: None
     for repetition in range(repetitions):
         on_step(f"repetition {repetition + 1} of {repetitions}")
         maps.append(_seconds(lambda: simulator.force_map(profile)))
-        theirs.append([_seconds(partial(solved_peak, rig, trajectory, *case, rtol=1e-6)) for case in _SOLVED])
+        theirs.append(
+            [_seconds(partial(solved_peak, simulator.model, rig, trajectory, *case, rtol=1e-6)) for case in _SOLVED]
+        )
     on_step("accuracy")
     peaks = [rig.surface(trajectory, [v], [p]).peak_force_n[0, 0] for v, p in _SOLVED]
-    exact = [solved_peak(rig, trajectory, v, p, rtol=1e-10) for v, p in _SOLVED]
+    exact = [solved_peak(simulator.model, rig, trajectory, v, p, rtol=1e-10) for v, p in _SOLVED]
     on_step("files through the nodes")
     latencies = file_to_verdict_s()
     passages = len(simulator.settings.speeds_kmh) * STUDY_POSITIONS
@@ -97,17 +101,22 @@ def _measure(path: Path, text: str, judged: threading.Event) -> None:
         raise WeldForceError(f"no verdict on {path.name} within 60 s; look at the nodes' log")
 
 
-def solved_peak(rig: Rig, trajectory: Trajectory, speed_kmh: float, position_m: float, *, rtol: float) -> float:
+def solved_peak(
+    model: PoleModel, rig: Rig, trajectory: Trajectory, speed_kmh: float, position_m: float, *, rtol: float
+) -> float:
     """Peak force of one passage by LSODA on the compiled equations, from the same starting state."""
     start = rig.start(trajectory, speed_kmh, position_m)
     speed = speed_kmh / 3.6
     grid = trajectory.start_m + RESAMPLED_STEP_M * np.arange(len(trajectory.height_m))
     pieces = np.ascontiguousarray(-CubicSpline(grid, trajectory.height_m).c)
-    poles = rig.model.poles_rad_s
+    poles = model.poles_rad_s
+    shapes = np.sqrt(model.pair_weight) * model.shapes_at(rig.grid_m * np.arange(rig.grid))
+    table = np.ascontiguousarray(np.stack([shapes.real, shapes.imag], axis=2).reshape(rig.grid, -1))
+    state = _physical_state(model, start)
     to_first = position_m + trajectory.start_m - start.x_m
-    slope = np.empty(len(start.state))
+    slope = np.empty(len(state))
     arguments = (
-        poles.real.copy(), poles.imag.copy(), rig.shapes, rig.grid_m, pieces, RESAMPLED_STEP_M, start.x_m, to_first,
+        poles.real.copy(), poles.imag.copy(), table, rig.grid_m, pieces, RESAMPLED_STEP_M, start.x_m, to_first,
         speed, rig.physics, slope,
     )  # fmt: skip
 
@@ -117,12 +126,21 @@ def solved_peak(rig: Rig, trajectory: Trajectory, speed_kmh: float, position_m: 
 
     end_s = (start.last_m - start.x_m) / speed
     at = np.linspace(0.0, end_s, int(end_s / 10e-6) + 2)
-    scale = np.abs(start.state) + 1e-9
+    scale = np.abs(state) + 1e-9
     solution = solve_ivp(
-        right_hand_side, (0.0, end_s), start.state, "LSODA", t_eval=at, rtol=rtol, atol=rtol * scale, max_step=1e-4
+        right_hand_side, (0.0, end_s), state, "LSODA", t_eval=at, rtol=rtol, atol=rtol * scale, max_step=1e-4
     )
     states = np.ascontiguousarray(solution.y.T)
     return float(max(_kernel.rate(t, y, *arguments) for t, y in zip(solution.t, states, strict=True)))
+
+
+def _physical_state(model: PoleModel, start: Start) -> np.ndarray:
+    """The states q_k of the equations (times the root of the pair's weight), from the kernel's scaled ones."""
+    decay, old, new = first_order_hold(model.poles_rad_s, start.dt_s)
+    scaled = start.rail[0::2] + 1j * start.rail[1::2]
+    shape = np.sqrt(model.pair_weight) * model.shapes_at(start.x_m)[0]
+    states = scaled * np.sqrt(decay * new + old) + new * shape * start.wheel[2]
+    return np.concatenate([np.stack([states.real, states.imag], axis=1).ravel(), start.wheel[:2]])
 
 
 def _seconds(work: Callable[[], object]) -> float:

@@ -113,11 +113,18 @@ def integrated_passage(
 ) -> OdePassage:
     """The moving wheel's equations by `solve_ivp`, from rest over a sleeper `approach_spans` spans before the weld.
 
-    Positive down: q_k' = p_k q_k + f, y = sum of Re(weight_k R_k(x) q_k), M w'' = W - f, f = H max(w - y - r, 0)^1.5.
+    Positive down: q_k' = p_k q_k + s_k(x) f, y = sum of Re(weight_k s_k(x) q_k) with s_k^2 = R_k and s_k continuous,
+    M w'' = W - f, f = H max(w - y - r, 0)^1.5.
     """
     speed, span, poles = speed_kmh / 3.6, model.spacing_m, model.poles_rad_s
-    weighted = model.residues * np.where(poles.imag == 0, 1.0, 2.0)
-    shape = CubicSpline(np.append(model.section_m, span), np.append(weighted, weighted[:1], axis=0), bc_type="periodic")
+    knots = np.append(model.section_m, span)
+    residue = CubicSpline(knots, np.append(model.residues, model.residues[:1], axis=0), bc_type="periodic")
+    fine = np.linspace(0.0, span, 3001)
+    roots = np.sqrt(residue(fine))
+    for n in range(1, len(fine)):  # the branch nearest to the root before
+        roots[n] *= np.where(np.abs(roots[n] - roots[n - 1]) > np.abs(roots[n] + roots[n - 1]), -1, 1)
+    shape = CubicSpline(fine, roots)
+    weight = np.where(poles.imag == 0, 1.0, 2.0)
     grid = trajectory.start_m + RESAMPLED_STEP_M * np.arange(len(trajectory.height_m))
     lift = CubicSpline(grid, trajectory.height_m)
     start = span * (np.floor((position_m + trajectory.start_m) / span) - approach_spans)
@@ -126,18 +133,18 @@ def integrated_passage(
 
     def force(x: float, q: np.ndarray, w: float) -> float:
         r = -float(lift(x - position_m)) if grid[0] < x - position_m < grid[-1] else 0.0
-        delta = w - float((shape(x % span) @ q).real) - r
+        delta = w - float(weight @ (shape(x % span) * q).real) - r
         return wheel.hertz_n_per_m15 * max(delta, 0.0) ** 1.5
 
     def slope(t: float, state: np.ndarray) -> np.ndarray:
         q = state[:n] + 1j * state[n : 2 * n]
         f = force(start + speed * t, q, state[-2])
-        dq = poles * q + f
+        dq = poles * q + shape((start + speed * t) % span) * f
         return np.concatenate([dq.real, dq.imag, [state[-1], wheel.static_load_n / wheel.mass_kg - f / wheel.mass_kg]])
 
-    rest = -wheel.static_load_n / poles
+    rest = -shape(0.0) * wheel.static_load_n / poles
     indentation = (wheel.static_load_n / wheel.hertz_n_per_m15) ** (2 / 3)
-    w0 = float((shape(0.0) @ rest).real) + indentation
+    w0 = float(weight @ (shape(0.0) * rest).real) + indentation
     first = np.concatenate([rest.real, rest.imag, [w0, 0.0]])
     begin = (position_m + trajectory.start_m - start) / speed
     times = np.arange(begin, (end - start) / speed, 20e-6)

@@ -1,8 +1,7 @@
-"""All compiled code: a wheel rolling over a track of common poles, plain float64 arrays and scalars.
+"""All compiled code: a wheel rolling over a fitted track, plain float64 arrays and scalars.
 
-Positive down. States of the rail are the real and imaginary parts of q_k, q_k' = p_k q_k + f, side by side; the rail's
-displacement under the wheel is `shape[j] @ states` at grid point j of the span. A step advances the linear states
-exactly for a force that changes linearly within it (first-order hold) and solves the contact for the force at its end:
+Positive down. The rail's states stand at a grid point of the span together with the force there; a step takes them to
+the next point (`weld_force_ros.core.propagation`) and solves the contact for the force at its end:
 
     delta = delta_free - compliance f,    f = hertz max(delta, 0)^(3/2)
 
@@ -31,48 +30,58 @@ def contact_force(free, compliance, hertz):
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, inline="always")
-def _step(rail, wheel, shape, gain, coefficients, irregularity, physics, dt):
-    """Advance `rail` (2K,) and `wheel` (displacement, velocity, force) by one step; returns the force at its end."""
+def _advance(rail, spare, drive, force, decay, transitions, j):
+    """States of the next grid point, without the force that will act there; `spare` is room for them."""
+    if transitions.shape[0] == 0:
+        for k in range(decay.shape[1]):
+            re, im = rail[2 * k], rail[2 * k + 1]
+            rail[2 * k] = decay[0, k] * re - decay[1, k] * im + drive[2 * k] * force
+            rail[2 * k + 1] = decay[0, k] * im + decay[1, k] * re + drive[2 * k + 1] * force
+    else:
+        for i in range(rail.shape[0]):
+            total = drive[i] * force
+            for k in range(rail.shape[0]):
+                total += transitions[j, i, k] * rail[k]
+            spare[i] = total
+        rail[:] = spare
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST, inline="always")
+def _meet(rail, wheel, shape, gain, irregularity, physics, dt):
+    """Contact at the end of a step: moves `wheel` (displacement, velocity, force), returns the force."""
     mass, load, hertz = physics[0], physics[1], physics[2]
-    pairs = rail.shape[0] // 2
     old = wheel[2]
-    free_rail = 0.0
-    for k in range(pairs):
-        re, im = rail[2 * k], rail[2 * k + 1]
-        free_re = coefficients[0, k] * re - coefficients[1, k] * im + coefficients[2, k] * old
-        free_im = coefficients[0, k] * im + coefficients[1, k] * re + coefficients[3, k] * old
-        rail[2 * k], rail[2 * k + 1] = free_re, free_im
-        free_rail += shape[2 * k] * free_re + shape[2 * k + 1] * free_im
-    free_wheel = wheel[0] + dt * (wheel[1] + dt * (0.5 * load - old / 3.0) / mass)
+    displacement = 0.0
+    for i in range(rail.shape[0]):
+        displacement += shape[i] * rail[i]
+    free = wheel[0] + dt * (wheel[1] + dt * (0.5 * load - old / 3.0) / mass)
     own = dt * dt / (6.0 * mass)
-    force = contact_force(free_wheel - free_rail - irregularity, gain + own, hertz)
-    for k in range(pairs):
-        rail[2 * k] += coefficients[4, k] * force
-        rail[2 * k + 1] += coefficients[5, k] * force
-    wheel[0] = free_wheel - own * force
+    force = contact_force(free - displacement - irregularity, gain + own, hertz)
+    wheel[0] = free - own * force
     wheel[1] += dt * (load - 0.5 * (old + force)) / mass
     wheel[2] = force
     return force
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
-def approach(rail, wheel, shapes, gains, coefficients, stride, physics, dt, tolerance, most_spans, states):
+def approach(rail, wheel, decay, transitions, drives, shapes, gains, physics, dt, tolerance, most_spans, states):
     """Roll over smooth rail, span by span, until the force repeats; the last span's states are kept.
 
-    `rail`, `wheel`: state at grid point 0, changed in place. `states` (n_grid // stride, 2K + 3): state at each point
-    of the last span. Returns the number of spans, or -1 if the force does not settle.
+    `rail`, `wheel`: state at grid point 0, changed in place. `states` (n_grid, n_state + 3): state at each point of the
+    last span. Returns the number of spans, or -1 if the force does not settle.
     """
-    points = states.shape[0]
-    grid = shapes.shape[0]
+    grid = drives.shape[0]
+    spare = np.empty_like(rail)
     for span in range(most_spans):
         change = 0.0
-        for n in range(points):
+        for j in range(grid):
             if span > 0:
-                change = max(change, abs(states[n, -1] - wheel[2]))
-            states[n, :-3] = rail
-            states[n, -3:] = wheel
-            j = ((n + 1) * stride) % grid
-            _step(rail, wheel, shapes[j], gains[j], coefficients, 0.0, physics, dt)
+                change = max(change, abs(states[j, -1] - wheel[2]))
+            states[j, :-3] = rail
+            states[j, -3:] = wheel
+            ahead = j + 1 if j + 1 < grid else 0
+            _advance(rail, spare, drives[j], wheel[2], decay, transitions, j)
+            _meet(rail, wheel, shapes[ahead], gains[ahead], 0.0, physics, dt)
         if not np.isfinite(wheel[2]):
             return -1
         if span > 0 and change < tolerance:
@@ -81,64 +90,58 @@ def approach(rail, wheel, shapes, gains, coefficients, stride, physics, dt, tole
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
-def peak_of_passage(rail, wheel, shapes, gains, coefficients, start, stride, irregularity, physics, dt, result):
-    """Roll from grid point `start` over `irregularity` (one value a step, the first at the start).
+def peaks_at_speed(
+    states, decay, transitions, drives, shapes, gains, starts, steps, irregularities, stride, physics, dt, results
+):
+    """Every passage of one speed; position i starts at grid point `starts[i]` in the periodic state over smooth rail.
 
-    `result`: peak force, its place in steps from the start, least force, time without contact. The peak is the vertex
-    of the parabola through the highest sample and its neighbours.
+    `irregularities` (n_position, n_fine): from the start on, `stride` values a step, zero beyond. `results`
+    (n_position, 4): peak force, its place in steps from the start, least force, time without contact. The peak is the
+    vertex of the parabola through the highest sample and its neighbours.
     """
-    grid = shapes.shape[0]
-    force = wheel[2]
-    before = force
-    peak, place, least, apart = force, 0.0, force, 0
-    highest = force
-    j = start % grid
-    for n in range(1, irregularity.shape[0]):
-        j += stride
-        if j >= grid:
-            j -= grid
-        after = _step(rail, wheel, shapes[j], gains[j], coefficients, irregularity[n], physics, dt)
-        if force >= highest and force >= after and force > before:
-            highest = force
-            curvature = before - 2.0 * force + after
-            offset = 0.5 * (before - after) / curvature
-            peak = force - 0.25 * (before - after) * offset
-            place = n - 1 + offset
-        least = min(least, after)
-        if after == 0.0:
-            apart += 1
-        before, force = force, after
-    result[0], result[1], result[2], result[3] = peak, place, least, apart * dt
-
-
-@njit(cache=True, nogil=True, fastmath=_FAST)
-def history_of_passage(rail, wheel, shapes, gains, coefficients, start, stride, irregularity, physics, dt, result):
-    """The same passage step by step: `result` (n, 3) gets force, wheel and rail displacement, the start included."""
-    grid = shapes.shape[0]
-    for n in range(irregularity.shape[0]):
-        j = (start + n * stride) % grid
-        if n > 0:
-            _step(rail, wheel, shapes[j], gains[j], coefficients, irregularity[n], physics, dt)
-        result[n, 0], result[n, 1] = wheel[2], wheel[0]
-        displacement = 0.0
-        for k in range(rail.shape[0]):
-            displacement += shapes[j, k] * rail[k]
-        result[n, 2] = displacement
-
-
-@njit(cache=True, nogil=True, fastmath=_FAST)
-def peaks_at_speed(states, shapes, gains, coefficients, starts, lengths, stride, irregularities, physics, dt, results):
-    """Every passage of one speed: position i starts at grid point `starts[i]` in the periodic state over smooth rail.
-
-    `irregularities` (n_position, n_longest); `results` (n_position, 4).
-    """
+    grid, fine = drives.shape[0], irregularities.shape[1]
     for i in range(starts.shape[0]):
-        state = states[(starts[i] // stride) % states.shape[0]]
-        rail, wheel = state[:-3].copy(), state[-3:].copy()
-        peak_of_passage(
-            rail, wheel, shapes, gains, coefficients, starts[i], stride, irregularities[i, : lengths[i]],
-            physics, dt, results[i],
-        )  # fmt: skip
+        j = starts[i] % grid
+        rail, wheel = states[j, :-3].copy(), states[j, -3:].copy()
+        spare = np.empty_like(rail)
+        force = wheel[2]
+        before = force
+        peak, place, least, highest, apart = force, 0.0, force, force, 0
+        for n in range(1, steps[i]):
+            _advance(rail, spare, drives[j], force, decay, transitions, j)
+            j = j + 1 if j + 1 < grid else 0
+            irregularity = irregularities[i, n * stride] if n * stride < fine else 0.0
+            after = _meet(rail, wheel, shapes[j], gains[j], irregularity, physics, dt)
+            if force >= highest and force >= after and force > before:
+                highest = force
+                offset = 0.5 * (before - after) / (before - 2.0 * force + after)
+                peak = force - 0.25 * (before - after) * offset
+                place = n - 1 + offset
+            least = min(least, after)
+            if after == 0.0:
+                apart += 1
+            before, force = force, after
+        results[i, 0], results[i, 1], results[i, 2], results[i, 3] = peak, place, least, apart * dt
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def history_of_passage(
+    rail, wheel, decay, transitions, drives, shapes, gains, start, irregularity, physics, dt, result
+):
+    """One passage step by step: `result` (n, 3) gets force, wheel and rail displacement, the start included."""
+    grid = drives.shape[0]
+    spare = np.empty_like(rail)
+    j = start % grid
+    for n in range(irregularity.shape[0]):
+        if n > 0:
+            _advance(rail, spare, drives[j], wheel[2], decay, transitions, j)
+            j = j + 1 if j + 1 < grid else 0
+            _meet(rail, wheel, shapes[j], gains[j], irregularity[n], physics, dt)
+        result[n, 0], result[n, 1] = wheel[2], wheel[0]
+        displacement = gains[j] * wheel[2]
+        for i in range(rail.shape[0]):
+            displacement += shapes[j, i] * rail[i]
+        result[n, 2] = displacement
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
@@ -220,10 +223,10 @@ def passage_by_convolution(rows, nodes, weights, start, at_rest, irregularity, p
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
 def rate(time, state, poles_re, poles_im, shapes, grid_m, pieces, piece_m, from_x, to_first, speed, physics, slope):
-    """Time derivative of (rail states, wheel, velocity): the equations that `_step` solves, for general solvers.
+    """Time derivative of (rail states, wheel, velocity) of common poles: what the steps solve, for general solvers.
 
-    `shapes` is read linearly between grid points from `from_x`; the irregularity (positive down) is the cubic
-    `pieces` (4, n) of length `piece_m`, the first `to_first` ahead of the start.
+    `shapes` (n_grid, 2 n_pole), real and imaginary parts, is read linearly between grid points from `from_x`; the
+    irregularity (positive down) is the cubic `pieces` (4, n) of length `piece_m`, the first `to_first` after the start.
     """
     grid = shapes.shape[0]
     place = (from_x + speed * time) / grid_m
@@ -233,8 +236,11 @@ def rate(time, state, poles_re, poles_im, shapes, grid_m, pieces, piece_m, from_
     k = (j + 1) % grid
     pairs = poles_re.shape[0]
     displacement = 0.0
-    for i in range(2 * pairs):
-        displacement += ((1.0 - part) * shapes[j, i] + part * shapes[k, i]) * state[i]
+    for i in range(pairs):
+        re = (1.0 - part) * shapes[j, 2 * i] + part * shapes[k, 2 * i]
+        im = (1.0 - part) * shapes[j, 2 * i + 1] + part * shapes[k, 2 * i + 1]
+        slope[2 * i], slope[2 * i + 1] = re, im
+        displacement += re * state[2 * i] - im * state[2 * i + 1]
     ahead = (speed * time - to_first) / piece_m
     irregularity = 0.0
     if 0.0 <= ahead < pieces.shape[1]:
@@ -245,8 +251,8 @@ def rate(time, state, poles_re, poles_im, shapes, grid_m, pieces, piece_m, from_
     force = physics[2] * indentation * np.sqrt(indentation)
     for i in range(pairs):
         re, im = state[2 * i], state[2 * i + 1]
-        slope[2 * i] = poles_re[i] * re - poles_im[i] * im + force
-        slope[2 * i + 1] = poles_re[i] * im + poles_im[i] * re
+        slope[2 * i] = poles_re[i] * re - poles_im[i] * im + slope[2 * i] * force
+        slope[2 * i + 1] = poles_re[i] * im + poles_im[i] * re + slope[2 * i + 1] * force
     slope[2 * pairs] = state[2 * pairs + 1]
     slope[2 * pairs + 1] = (physics[1] - force) / physics[0]
     return force

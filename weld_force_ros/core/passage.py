@@ -10,10 +10,10 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from weld_force_ros.core import _kernel
-from weld_force_ros.core.poles import PoleModel
+from weld_force_ros.core.propagation import Propagation, StateModel
 from weld_force_ros.core.track import Complex, Real
 from weld_force_ros.core.weld import Trajectory
 from weld_force_ros.errors import InputError, NumericalError
@@ -78,39 +78,41 @@ class Start:
     Attributes:
         x_m: from the sleeper before the weld.
         last_m: where the passage ends.
-        state: (2 n + 2,): rail states (re, im), displacement and velocity of the wheel, positive down.
+        dt_s: the kernel's step, which its rail states depend on.
+        rail: (n_state,), as `weld_force_ros.core.propagation` defines them.
+        wheel: displacement, velocity and force, positive down.
     """
 
     x_m: float
     last_m: float
-    state: Real
+    dt_s: float
+    rail: Real
+    wheel: Real
 
 
 @dataclass(frozen=True)
 class _Rolling:
-    """What the kernel needs for one speed."""
+    """What the kernel needs for one speed: a grid of every `stride`-th point, its step, and the state over smooth rail.
+
+    `states` (n_grid, n_state + 3): rail states, displacement, velocity and force of the wheel.
+    """
 
     stride: int
     dt: float
-    coefficients: Real  # (6, n): decay (re, im), weight of the old force (re, im), of the new force (re, im)
-    gains: Real  # (n_grid,): rail displacement per new force, within the step
-    states: Real  # (n_grid // stride, 2 n + 3): the periodic state over smooth rail
+    step: Propagation
+    states: Real
 
 
 class Rig:
     """A wheel on a fitted track, ready to roll."""
 
-    def __init__(self, model: PoleModel, wheel: Wheel) -> None:
+    def __init__(self, model: StateModel, wheel: Wheel) -> None:
         self.model = model
         self.wheel = wheel
         # A whole number of the longest stride, so that every stride closes the span.
-        strides = round(LONGEST_STEP_M / GRID_M)
-        self.grid = strides * round(model.spacing_m / GRID_M / strides)
+        self.longest_stride = round(LONGEST_STEP_M / GRID_M)
+        self.grid = self.longest_stride * round(model.spacing_m / GRID_M / self.longest_stride)
         self.grid_m = model.spacing_m / self.grid
-        residues = model.residues_at(self.grid_m * np.arange(self.grid)) * model.pair_weight
-        self.shapes = np.empty((self.grid, 2 * len(model.poles_rad_s)))
-        self.shapes[:, 0::2] = residues.real
-        self.shapes[:, 1::2] = -residues.imag
         self.physics = np.array([wheel.mass_kg, wheel.static_load_n, wheel.hertz_n_per_m15])
 
     def surface(
@@ -135,10 +137,13 @@ class Rig:
         """
         speeds, positions = _speeds(speeds_kmh), _axis("position", positions_m)
         results = np.empty((len(speeds), len(positions), 4))
+        starts = np.array([self._start(p + trajectory.start_m) for p in positions])
+        irregularities = np.stack(
+            [self._irregularity(trajectory, start, p) for start, p in zip(starts, positions, strict=True)]
+        )
 
         def run(row: int) -> None:
-            rolling = self._rolling(speeds[row])
-            results[row] = self._peaks(rolling, trajectory, speeds[row], positions)
+            results[row] = self._peaks(speeds[row], starts, positions + trajectory.end_m, irregularities)
             if on_speed:
                 on_speed()
 
@@ -159,53 +164,57 @@ class Rig:
         speed_kmh, position_m = float(_speeds(speed_kmh)[0]), float(_axis("position", position_m)[0])
         rolling = self._rolling(speed_kmh)
         span = self.model.spacing_m
-        first_m = position_m + trajectory.start_m - span
-        start, steps = self._window(rolling, first_m, max(position_m + trajectory.end_m + span, until_m))
+        start = self._start(position_m + trajectory.start_m - span)
+        steps = self._steps(rolling, start, max(position_m + trajectory.end_m + span, until_m))
         x = (start + rolling.stride * np.arange(steps)) * self.grid_m
         irregularity = trajectory.at(x - position_m)
         rail, wheel = self._state(rolling, start)
         result = np.empty((steps, 3))
+        step = rolling.step
         _kernel.history_of_passage(
-            rail, wheel, self.shapes, rolling.gains, rolling.coefficients, start, rolling.stride, -irregularity,
-            self.physics, rolling.dt, result,
+            rail, wheel, step.decay, step.transitions, step.drives, step.shapes, step.gains, start // rolling.stride,
+            -irregularity, self.physics, rolling.dt, result,
         )  # fmt: skip
         if not np.all(np.isfinite(result)):
             raise NumericalError("the passage did not stay finite; the fit of this track cannot be used at that speed")
         return History(x, result[:, 0], -result[:, 1], -result[:, 2], irregularity)
 
     def start(self, trajectory: Trajectory, speed_kmh: float, position_m: float) -> Start:
-        """The state in which a passage of `surface` begins."""
+        """The state in which a passage of `surface` begins, in the kernel's own scaling."""
         rolling = self._rolling(speed_kmh)
-        last_m = position_m + trajectory.end_m + self._run_out_m(speed_kmh)
-        first, _ = self._window(rolling, position_m + trajectory.start_m, last_m)
+        first = self._start(position_m + trajectory.start_m)
         rail, wheel = self._state(rolling, first)
-        return Start(first * self.grid_m, last_m, np.concatenate([rail, wheel[:2]]))
+        last_m = position_m + trajectory.end_m + self._run_out_m(speed_kmh)
+        return Start(first * self.grid_m, last_m, rolling.dt, rail, wheel)
+
+    def _peaks(self, speed_kmh: float, starts: NDArray[np.int64], ends_m: Real, irregularities: Real) -> Real:
+        rolling = self._rolling(speed_kmh)
+        step, run_out_m = rolling.step, self._run_out_m(speed_kmh)
+        steps = np.array([self._steps(rolling, s, e + run_out_m) for s, e in zip(starts, ends_m, strict=True)])
+        results = np.empty((len(starts), 4))
+        _kernel.peaks_at_speed(
+            rolling.states, step.decay, step.transitions, step.drives, step.shapes, step.gains,
+            starts // rolling.stride, steps, irregularities, rolling.stride, self.physics, rolling.dt, results,
+        )  # fmt: skip
+        results[:, 1] = (starts + rolling.stride * results[:, 1]) * self.grid_m
+        return results
 
     def _run_out_m(self, speed_kmh: float) -> float:
         """Until the weld's echo has passed; at least a span, so that every window holds the smooth rail's own peak."""
         return max(self.model.spacing_m, RUN_OUT_S * speed_kmh / 3.6)
 
-    def _peaks(self, rolling: _Rolling, trajectory: Trajectory, speed_kmh: float, positions: Real) -> Real:
-        run_out_m = self._run_out_m(speed_kmh)
-        windows = [self._window(rolling, p + trajectory.start_m, p + trajectory.end_m + run_out_m) for p in positions]
-        starts = np.array([start for start, _ in windows])
-        lengths = np.array([steps for _, steps in windows])
-        index = starts[:, None] + rolling.stride * np.arange(lengths.max())[None, :]
-        # The paper's r is positive down: this is where the sign turns.
-        irregularities = -trajectory.at(index * self.grid_m - positions[:, None])
-        results = np.empty((len(positions), 4))
-        _kernel.peaks_at_speed(
-            rolling.states, self.shapes, rolling.gains, rolling.coefficients, starts, lengths, rolling.stride,
-            irregularities, self.physics, rolling.dt, results,
-        )  # fmt: skip
-        results[:, 1] = (starts + rolling.stride * results[:, 1]) * self.grid_m
-        return results
+    def _start(self, first_m: float) -> int:
+        """The grid point, one that every stride meets, at or before a place."""
+        return self.longest_stride * int(np.floor(first_m / (self.longest_stride * self.grid_m)))
 
-    def _window(self, rolling: _Rolling, first_m: float, last_m: float) -> tuple[int, int]:
-        """First grid point and number of points of a stretch of track, rounded outwards to whole steps."""
-        step_m = rolling.stride * self.grid_m
-        first = int(np.floor(first_m / step_m))
-        return first * rolling.stride, int(np.ceil(last_m / step_m)) - first + 1
+    def _steps(self, rolling: _Rolling, start: int, last_m: float) -> int:
+        """Points from a start to a place, both included."""
+        return int(np.ceil((last_m - start * self.grid_m) / (rolling.stride * self.grid_m))) + 1
+
+    def _irregularity(self, trajectory: Trajectory, start: int, position_m: float) -> Real:
+        """What the kernel rolls over, from `start` to the weld's end: the paper's r, positive down."""
+        points = int(np.ceil((trajectory.end_m - trajectory.start_m) / self.grid_m)) + self.longest_stride + 1
+        return -trajectory.at((start + np.arange(points)) * self.grid_m - position_m)
 
     def _state(self, rolling: _Rolling, start: int) -> tuple[Real, Real]:
         state = rolling.states[(start // rolling.stride) % len(rolling.states)]
@@ -214,30 +223,26 @@ class Rig:
     def _rolling(self, speed_kmh: float) -> _Rolling:
         speed = speed_kmh / 3.6
         stride = 1
-        while 2 * stride * self.grid_m <= min(LONGEST_STEP_S * speed, LONGEST_STEP_M * (1 + 1e-9)):
+        while 2 * stride <= self.longest_stride and 2 * stride * self.grid_m <= LONGEST_STEP_S * speed:
             stride *= 2
         dt = stride * self.grid_m / speed
-        coefficients = _first_order_hold(self.model.poles_rad_s, dt)
-        new = np.empty(self.shapes.shape[1])
-        new[0::2], new[1::2] = coefficients[4], coefficients[5]
-        gains = self.shapes @ new
-        rail, wheel = self.at_rest()
-        states = np.empty((self.grid // stride, self.shapes.shape[1] + 3))
+        step = self.model.propagation(stride * self.grid_m * np.arange(self.grid // stride), dt)
+        rail, wheel = self.at_rest(step)
+        states = np.empty((self.grid // stride, len(rail) + 3))
         spans = _kernel.approach(
-            rail, wheel, self.shapes, gains, coefficients, stride, self.physics, dt,
+            rail, wheel, step.decay, step.transitions, step.drives, step.shapes, step.gains, self.physics, dt,
             _SETTLED * self.wheel.static_load_n, _MOST_SPANS, states,
         )  # fmt: skip
         if spans < 0:
             raise NumericalError(f"the force on smooth rail does not settle at {speed_kmh:g} km/h; fit the track anew")
-        return _Rolling(stride, dt, coefficients, gains, states)
+        return _Rolling(stride, dt, step, states)
 
-    def at_rest(self) -> tuple[Real, Real]:
+    def at_rest(self, step: Propagation) -> tuple[Real, Real]:
         """Static state over the sleeper: rail states, and displacement, velocity and force of the wheel."""
-        rest = -self.wheel.static_load_n / self.model.poles_rad_s
-        rail = np.empty(self.shapes.shape[1])
-        rail[0::2], rail[1::2] = rest.real, rest.imag
-        deflection = float(self.shapes[0] @ rail)
-        return rail, np.array([deflection + self.wheel.static_indentation_m, 0.0, self.wheel.static_load_n])
+        load = self.wheel.static_load_n
+        rail = step.at_rest * load
+        deflection = float(step.shapes[0] @ rail + step.gains[0] * load)
+        return rail, np.array([deflection + self.wheel.static_indentation_m, 0.0, load])
 
 
 def _speeds(values: ArrayLike) -> Real:
@@ -252,20 +257,3 @@ def _axis(name: str, values: ArrayLike) -> Real:
     if array.size == 0 or not np.all(np.isfinite(array)):
         raise InputError(f"a {name} is missing or not finite", f"give at least one {name} as a number")
     return array
-
-
-def _first_order_hold(poles: Complex, dt: float) -> Real:
-    """Exact step of q' = p q + f for f linear within dt: q1 = decay q0 + old f0 + new f1; (6, n) real and imaginary."""
-    z = poles * dt
-    decay = np.exp(z)
-    # phi1 = (e^z - 1) / z and phi2 = (e^z - 1 - z) / z^2, by their series where the difference would cancel
-    small = np.abs(z) < 0.05
-    safe = np.where(small, 1.0, z)
-    phi1 = np.where(small, 1 + z / 2 * (1 + z / 3 * (1 + z / 4 * (1 + z / 5 * (1 + z / 6)))), np.expm1(safe) / safe)
-    phi2 = np.where(
-        small,
-        0.5 * (1 + z / 3 * (1 + z / 4 * (1 + z / 5 * (1 + z / 6 * (1 + z / 7))))),
-        (np.expm1(safe) - safe) / safe**2,
-    )
-    old, new = dt * (phi1 - phi2), dt * phi2
-    return np.stack([decay.real, decay.imag, old.real, old.imag, new.real, new.imag])

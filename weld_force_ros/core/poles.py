@@ -5,16 +5,22 @@ the span can be unstable and nothing hops from one section to the next. Poles by
 at once (Gustavsen & Semlyen, IEEE Trans. Power Delivery 14 (1999) 1052; Gustavsen, ibid. 21 (2006) 1587; Deschrijver
 et al., IEEE Microw. Wireless Compon. Lett. 18 (2008) 383), residues by least squares with the undamped static
 compliance of each section held exactly.
+
+Between two points the residue is taken as sqrt(R_k(x)) sqrt(R_k(x')), the mode-shape picture: a force drives the states
+through the shape where it acts, the rail moves by the shape where it is looked at. The response is then reciprocal, as
+the track's is, and right to first order in the way that the contact has moved between the two; putting R_k all on one
+side is not, and costs over 2 % at 300 km/h near a sleeper.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from weld_force_ros.core import track as tracks
+from weld_force_ros.core.propagation import Propagation, first_order_hold
 from weld_force_ros.core.track import Complex, Real, Track
 from weld_force_ros.errors import NumericalError
 
@@ -24,6 +30,7 @@ FREQUENCIES = 400
 ORDERS = (8, 10, 12, 14, 16)
 _GOOD_ENOUGH = 0.005
 _ITERATIONS = 40
+_SHAPE_POINTS = 1200
 _SCALE = 2 * np.pi * 500.0  # rad/s, conditions the least squares
 
 ErrorBand = tuple[float, float]
@@ -45,6 +52,7 @@ class PoleModel:
     residues: Complex
     section_m: Real
     spacing_m: float
+    _grids: dict[bytes, Complex] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def order(self) -> int:
@@ -53,20 +61,43 @@ class PoleModel:
 
     @property
     def pair_weight(self) -> Real:
-        """2 for a pole that stands for a conjugate pair, 1 for a real one: z = sum_k weight_k Re(R_k q_k)."""
+        """2 for a pole that stands for a conjugate pair, 1 for a real one: z = sum_k weight_k Re(shape_k q_k)."""
         return np.where(self.poles_rad_s.imag == 0, 1.0, 2.0)
 
     def residues_at(self, at_m: ArrayLike) -> Complex:
         """Residues at any positions, (n_at, n): periodic cubic spline over the span."""
-        at = np.atleast_1d(np.asarray(at_m, dtype=np.float64))
-        if len(self.section_m) == 1:
-            return np.repeat(self.residues, len(at), axis=0)
-        knots = np.append(self.section_m, self.section_m[0] + self.spacing_m)
-        values = np.concatenate([self.residues, self.residues[:1]])
-        spline = CubicSpline(knots, np.concatenate([values.real, values.imag], axis=1), bc_type="periodic")
-        both: Real = spline(np.mod(at, self.spacing_m))
-        n = len(self.poles_rad_s)
-        return both[:, :n] + 1j * both[:, n:]
+        return _periodic_spline(self.section_m, self.residues, self.spacing_m, at_m)
+
+    def shapes_at(self, at_m: ArrayLike) -> Complex:
+        """sqrt(R_k), its sign continuous along the span, (n_at, n)."""
+        fine = self.spacing_m * np.arange(_SHAPE_POINTS) / _SHAPE_POINTS
+        residues = self.residues_at(fine)
+        phase = np.unwrap(np.angle(residues), axis=0)
+        return _periodic_spline(fine, np.sqrt(np.abs(residues)) * np.exp(0.5j * phase), self.spacing_m, at_m)
+
+    def propagation(self, at_m: Real, dt_s: float) -> Propagation:
+        """A step of `dt_s` of the states q_k' = p_k q_k + shape_k f; see `weld_force_ros.core.propagation`."""
+        decay, old, new = first_order_hold(self.poles_rad_s, dt_s)
+        within = decay * new + old
+        shape = self._shapes_on_grid(at_m)
+        # States are scaled so that one table serves as drive and as shape.
+        scaled = np.sqrt(self.pair_weight * within) * shape
+        rest = -shape[0] * (1 / self.poles_rad_s + new) * np.sqrt(self.pair_weight / within)
+        return Propagation(
+            decay=np.stack([decay.real, decay.imag]),
+            transitions=np.empty((0, 2 * len(decay), 2 * len(decay))),
+            drives=_in_pairs(scaled),
+            shapes=_in_pairs(scaled.conj()),
+            gains=(shape**2 * new).real @ self.pair_weight,
+            at_rest=_in_pairs(rest),
+        )
+
+    def _shapes_on_grid(self, at_m: Real) -> Complex:
+        """`shapes_at`, remembered for the last grid: every speed asks for one of a few."""
+        key = at_m.tobytes()
+        if key not in self._grids:
+            self._grids[key] = self.shapes_at(at_m)
+        return self._grids[key]
 
     def receptance(self, frequency_hz: ArrayLike, at_m: ArrayLike) -> Complex:
         """Fitted point receptance, m/N, (n_at, n_frequency)."""
@@ -80,6 +111,21 @@ class PoleModel:
     def static_compliance(self, at_m: ArrayLike) -> Real:
         """Deflection under a resting unit load, m/N, (n_at,)."""
         return np.asarray((self.residues_at(at_m) / -self.poles_rad_s).real @ self.pair_weight)
+
+
+def _periodic_spline(knots_m: Real, values: Complex, span_m: float, at_m: ArrayLike) -> Complex:
+    """Complex columns over one span, interpolated anywhere: (n_at, n)."""
+    at = np.atleast_1d(np.asarray(at_m, dtype=np.float64))
+    if len(knots_m) == 1:
+        return np.repeat(values, len(at), axis=0)
+    closed = np.concatenate([values, values[:1]])
+    spline = CubicSpline(np.append(knots_m, knots_m[0] + span_m), closed, bc_type="periodic")
+    return np.asarray(spline(np.mod(at, span_m)))
+
+
+def _in_pairs(values: Complex) -> Real:
+    """Real and imaginary parts side by side along the last axis."""
+    return np.ascontiguousarray(np.stack([values.real, values.imag], axis=-1).reshape(*values.shape[:-1], -1))
 
 
 def fit_track(
