@@ -24,7 +24,10 @@ from weld_force_ros.contract import (
     encode,
     limits_sha256,
 )
+from weld_force_ros.core.causality import acausal
 from weld_force_ros.core.passage import Rig, Wheel
+from weld_force_ros.core.poles import BAND_HZ
+from weld_force_ros.core.reference import GreenRig
 from weld_force_ros.core.track import Real
 from weld_force_ros.core.verdict import MEASURES, find
 from weld_force_ros.core.weld import Trajectory, wheel_trajectory
@@ -33,7 +36,7 @@ from weld_force_ros.errors import InputError, MessageError
 SOFTWARE = f"weld_force_ros {__version__}"
 DEFAULT_SPEEDS = "20:300:5"
 DEFAULT_POSITIONS = "15"
-_ENGINES = ("common-poles",)
+_ENGINES = ("common-poles", "reference")
 _AFTER_PEAK_M = 0.1
 
 # Messages keep what means something: 0.01 N is a ten-millionth of a wheel load, 0.1 nm far below any roughness.
@@ -178,8 +181,14 @@ class Simulator:
         definition = tracks.parse(settings.track_definition, settings.track)
         wheel = Wheel(settings.wheel_mass_kg, settings.static_load_n, settings.wheel_radius_m, settings.hertz_n_per_m15)
         self._span_m = definition.track.spacing_m
-        self.model = tracks.fitted(definition, on_fit=on_fit).model()
-        self.rig = Rig(self.model, wheel)
+        self.rig: Rig | GreenRig
+        if settings.engine == "reference":
+            self.rig = GreenRig(definition.track, wheel)
+            self._model_error = acausal(definition.track, self._span_m / 2).floor(wheel.compliance, BAND_HZ)
+        else:
+            fit = tracks.fitted(definition, on_fit=on_fit)
+            self.rig = Rig(fit.model(), wheel)
+            self._model_error = fit.error
 
     def trajectory(self, profile: WeldProfile) -> Trajectory:
         """The wheel centre's trajectory over a profile."""
@@ -210,6 +219,7 @@ class Simulator:
             contact_loss_s=_rounded(surface.contact_loss_s, _TIME_DECIMALS),
             static_load_n=settings.static_load_n,
             span_m=self._span_m,
+            model_error=round(self._model_error, 6),
             elapsed_s=time.perf_counter() - began,
             line_speed_kmh=profile.line_speed_kmh,
             weld_position_m=profile.weld_position_m,

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from weld_force_ros import profiles
+from weld_force_ros import profiles, tracks
 from weld_force_ros.assess import Simulator, parse_speeds, simulation_settings
 from weld_force_ros.core import _kernel
 from weld_force_ros.core.passage import Rig, Start
@@ -34,19 +34,19 @@ _SOLVED = [(25.0, 0.0), (60.0, 0.2), (100.0, 0.4), (160.0, 0.08), (250.0, 0.52)]
 def run(*, repetitions: int = 3, on_step: Callable[[str], None] = lambda _: None) -> dict[str, Any]:
     """Measure everything; keys name what they hold, with units."""
     simulator = Simulator(simulation_settings(speeds_kmh=parse_speeds(STUDY_SPEEDS), positions=STUDY_POSITIONS))
+    definition = tracks.load(simulator.settings.track)
+    model = tracks.fitted(definition).model()
     profile = profiles.read_profile(profiles.find(_SOLVED_WELD))
     simulator.force_map(profile)  # compiled and warm
     maps, theirs = [], []
-    rig, trajectory = simulator.rig, simulator.trajectory(profile)
+    rig, trajectory = Rig(model, definition.wheel), simulator.trajectory(profile)
     for repetition in range(repetitions):
         on_step(f"repetition {repetition + 1} of {repetitions}")
         maps.append(_seconds(lambda: simulator.force_map(profile)))
-        theirs.append(
-            [_seconds(partial(solved_peak, simulator.model, rig, trajectory, *case, rtol=1e-6)) for case in _SOLVED]
-        )
+        theirs.append([_seconds(partial(solved_peak, model, rig, trajectory, *case, rtol=1e-6)) for case in _SOLVED])
     on_step("accuracy")
     peaks = [rig.surface(trajectory, [v], [p]).peak_force_n[0, 0] for v, p in _SOLVED]
-    exact = [solved_peak(simulator.model, rig, trajectory, v, p, rtol=1e-10) for v, p in _SOLVED]
+    exact = [solved_peak(model, rig, trajectory, v, p, rtol=1e-10) for v, p in _SOLVED]
     on_step("files through the nodes")
     latencies = file_to_verdict_s()
     passages = len(simulator.settings.speeds_kmh) * STUDY_POSITIONS

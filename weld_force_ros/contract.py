@@ -172,6 +172,17 @@ class ForceMap(Message, kw_only=True):
     contact_loss_s: Cells
     static_load_n: Annotated[float, Meta(description="N", gt=0.0)]
     span_m: Annotated[float, Meta(description="m, the sleeper spacing that positions repeat with", gt=0.0)]
+    model_error: (
+        Annotated[
+            float,
+            Meta(
+                description="about the relative error of the force's dynamic part (force less static load) that comes"
+                " from representing this track in time; large where loss factors are not causal",
+                ge=0.0,
+            ),
+        ]
+        | UnsetType
+    ) = UNSET
     elapsed_s: Seconds
     line_speed_kmh: SpeedKmh | UnsetType = UNSET
     weld_position_m: Metres | UnsetType = UNSET

@@ -56,6 +56,7 @@ def show_maps(maps: Iterable[ForceMap]) -> None:
             (
                 force_map.weld_id,
                 f"{force_map.peak_force_n[worst] / 1e3:.1f}",
+                _model_error_kn(force_map, force_map.peak_force_n[worst]),
                 f"{force_map.peak_force_n[worst] / force_map.static_load_n:.2f}",
                 f"{force_map.speeds_kmh[speed]:g}",
                 f"{force_map.positions_m[position] * 100:.0f}",
@@ -67,11 +68,17 @@ def show_maps(maps: Iterable[ForceMap]) -> None:
     table(
         "Force maps: the worst passage of each",
         [
-            ("weld", ""), ("peak kN", "right"), ("dyn. factor", "right"), ("at km/h", "right"),
+            ("weld", ""), ("peak kN", "right"), ("model ± kN", "right"), ("dyn. factor", "right"), ("at km/h", "right"),
             ("cm after sleeper", "right"), ("contact loss ms", "right"), ("passages", "right"), ("s", "right"),
         ],
         rows,
     )  # fmt: skip
+
+
+def _model_error_kn(force_map: ForceMap, peak_n: float) -> str:
+    if not isinstance(force_map.model_error, float):
+        return "?"
+    return f"{force_map.model_error * (peak_n - force_map.static_load_n) / 1e3:.1f}"
 
 
 def show_verdicts(verdicts: Iterable[Verdict], rejections: Iterable[Rejection] = ()) -> None:

@@ -135,7 +135,7 @@ class Rig:
             InputError: a speed that is not positive, or anything that is not finite.
             NumericalError: the passage did not stay finite.
         """
-        speeds, positions = _speeds(speeds_kmh), _axis("position", positions_m)
+        speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
         results = np.empty((len(speeds), len(positions), 4))
         starts = np.array([self._start(p + trajectory.start_m) for p in positions])
         irregularities = np.stack(
@@ -161,7 +161,7 @@ class Rig:
             InputError: a speed that is not positive, or anything that is not finite.
             NumericalError: the passage did not stay finite.
         """
-        speed_kmh, position_m = float(_speeds(speed_kmh)[0]), float(_axis("position", position_m)[0])
+        speed_kmh, position_m = float(checked_speeds(speed_kmh)[0]), float(checked_axis("position", position_m)[0])
         rolling = self._rolling(speed_kmh)
         span = self.model.spacing_m
         start = self._start(position_m + trajectory.start_m - span)
@@ -184,13 +184,13 @@ class Rig:
         rolling = self._rolling(speed_kmh)
         first = self._start(position_m + trajectory.start_m)
         rail, wheel = self._state(rolling, first)
-        last_m = position_m + trajectory.end_m + self._run_out_m(speed_kmh)
+        last_m = position_m + trajectory.end_m + run_out_m(self.model.spacing_m, speed_kmh)
         return Start(first * self.grid_m, last_m, rolling.dt, rail, wheel)
 
     def _peaks(self, speed_kmh: float, starts: NDArray[np.int64], ends_m: Real, irregularities: Real) -> Real:
         rolling = self._rolling(speed_kmh)
-        step, run_out_m = rolling.step, self._run_out_m(speed_kmh)
-        steps = np.array([self._steps(rolling, s, e + run_out_m) for s, e in zip(starts, ends_m, strict=True)])
+        step, after_m = rolling.step, run_out_m(self.model.spacing_m, speed_kmh)
+        steps = np.array([self._steps(rolling, s, e + after_m) for s, e in zip(starts, ends_m, strict=True)])
         results = np.empty((len(starts), 4))
         _kernel.peaks_at_speed(
             rolling.states, step.decay, step.transitions, step.drives, step.shapes, step.gains,
@@ -198,10 +198,6 @@ class Rig:
         )  # fmt: skip
         results[:, 1] = (starts + rolling.stride * results[:, 1]) * self.grid_m
         return results
-
-    def _run_out_m(self, speed_kmh: float) -> float:
-        """Until the weld's echo has passed; at least a span, so that every window holds the smooth rail's own peak."""
-        return max(self.model.spacing_m, RUN_OUT_S * speed_kmh / 3.6)
 
     def _start(self, first_m: float) -> int:
         """The grid point, one that every stride meets, at or before a place."""
@@ -245,14 +241,21 @@ class Rig:
         return rail, np.array([deflection + self.wheel.static_indentation_m, 0.0, load])
 
 
-def _speeds(values: ArrayLike) -> Real:
-    speeds = _axis("speed", values)
+def run_out_m(span_m: float, speed_kmh: float) -> float:
+    """Until the weld's echo has passed; at least a span, so that every window holds the smooth rail's own peak."""
+    return max(span_m, RUN_OUT_S * speed_kmh / 3.6)
+
+
+def checked_speeds(values: ArrayLike) -> Real:
+    """Speeds in km/h as an array, or an InputError."""
+    speeds = checked_axis("speed", values)
     if np.any(speeds <= 0):
         raise InputError("a speed is not positive", "give speeds in km/h above 0")
     return speeds
 
 
-def _axis(name: str, values: ArrayLike) -> Real:
+def checked_axis(name: str, values: ArrayLike) -> Real:
+    """One or more finite numbers as an array, or an InputError."""
     array = np.atleast_1d(np.asarray(values, dtype=np.float64))
     if array.size == 0 or not np.all(np.isfinite(array)):
         raise InputError(f"a {name} is missing or not finite", f"give at least one {name} as a number")

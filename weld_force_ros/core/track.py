@@ -45,7 +45,7 @@ class Spring:
     loss_factor: float = 0.0
     damping_ns_per_m: float = 0.0
 
-    def dynamic_stiffness(self, omega: Real) -> Complex:
+    def dynamic_stiffness(self, omega: Real | Complex) -> Complex:
         """Complex stiffness in N/m, shape of `omega` (rad/s)."""
         damping = self.stiffness_n_per_m * self.loss_factor + omega * self.damping_ns_per_m
         return np.asarray(self.stiffness_n_per_m + 1j * damping)
@@ -78,7 +78,7 @@ class Track:
         """Whether damping is viscous in both layers; a loss factor has no causal impulse response."""
         return self.pad.loss_factor == 0.0 and self.ballast.loss_factor == 0.0
 
-    def support_stiffness(self, omega: Real) -> Complex:
+    def support_stiffness(self, omega: Real | Complex) -> Complex:
         """Dynamic stiffness of one support seen by the rail, N/m."""
         pad = self.pad.dynamic_stiffness(omega)
         below = self.ballast.dynamic_stiffness(omega) - self.sleeper_mass_kg * omega**2
@@ -130,6 +130,15 @@ def sections(track: Track, count: int) -> Real:
     return np.zeros(1) if track.continuous else np.arange(count) * (track.spacing_m / count)
 
 
+def velocity_jump(rail: Rail) -> float:
+    """Velocity that a unit impulse gives the rail under it at once, m/(N s^2) s: half the inverse shear impedance.
+
+    The receptance tends to this over i omega at high frequency.
+    """
+    shear = rail.shear_coefficient * rail.shear_modulus_pa * rail.area_m2
+    return float(0.5 / np.sqrt(shear * rail.mass_kg_per_m))
+
+
 def pinned_pinned_hz(track: Track) -> float:
     """First pinned-pinned frequency: half a bending wave between fixed sleepers, Timoshenko beam, Hz.
 
@@ -167,8 +176,8 @@ class Waves(Protocol):
         """The waves that decay towards +x: (2, n_x, n_frequency)."""
 
 
-def waves(track: Track, omega: Real) -> Waves:
-    """A track's waves at angular frequencies `omega` (n_frequency,), rad/s, positive."""
+def waves(track: Track, omega: Real | Complex) -> Waves:
+    """A track's waves at angular frequencies `omega` (n_frequency,), rad/s, real part positive or zero."""
     if track.continuous:
         return _RailWaves(track.rail, omega, track.spacing_m, track.support_stiffness(omega) / track.spacing_m)
     return _FloquetWaves(track, omega)
@@ -189,7 +198,7 @@ def _response(waves: Waves, at_m: Real, force_at_m: Real) -> Complex:
 class _RailWaves:
     """The rail's two waves, free or on a foundation of complex stiffness N/m^2: exp(-decay x), Re(decay) > 0."""
 
-    def __init__(self, rail: Rail, omega: Real, span_m: float, foundation: Complex | float = 0.0) -> None:
+    def __init__(self, rail: Rail, omega: Real | Complex, span_m: float, foundation: Complex | float = 0.0) -> None:
         loss = 1 + 1j * rail.loss_factor
         shear = rail.shear_coefficient * rail.shear_modulus_pa * rail.area_m2 * loss
         bending = rail.youngs_modulus_pa * rail.second_moment_m4 * loss
@@ -215,7 +224,7 @@ class _RailWaves:
 class _FloquetWaves:
     """The two decaying Floquet waves of a periodically supported rail."""
 
-    def __init__(self, track: Track, omega: Real) -> None:
+    def __init__(self, track: Track, omega: Real | Complex) -> None:
         self.span_m = track.spacing_m
         self.rail = _RailWaves(track.rail, omega, track.spacing_m)
         support = track.support_stiffness(omega)
