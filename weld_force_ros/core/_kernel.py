@@ -11,6 +11,8 @@ which has one root; with u = sqrt(delta) it is a cubic that Newton's method desc
 import numpy as np
 from numba import njit
 
+from weld_force_ros.core._vector import LANES, load, multiply_add, splat, square_root, store, where_greater
+
 # Reassociation lets sums vectorise; NaN and infinity keep their meaning, as they are how a failure shows.
 _FAST = {"reassoc", "contract", "arcp", "nsz"}
 _NEWTON_STEPS = 6
@@ -122,6 +124,82 @@ def peaks_at_speed(
                 apart += 1
             before, force = force, after
         results[i, 0], results[i, 1], results[i, 2], results[i, 3] = peak, place, least, apart * dt
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def peaks_in_lanes(beginnings, decay, drives, gains, starts, steps, irregularities, stride, physics, dts, results):
+    """`peaks_at_speed` for eight speeds side by side, on the same grid: a lane each.
+
+    Common poles only. `beginnings` (n_position, n_state + 3, 8): states at the starts; `decay` (2, n_pair, 8); `drives`
+    (n_grid, n_state, 8), of which `shapes` are the conjugates; `gains` (n_grid, 8); `steps` (n_position, 8); `dts` (8);
+    `results` (n_position, 8, 4).
+    """
+    grid, states = drives.shape[0], drives.shape[1]
+    pairs, fine = states // 2, irregularities.shape[1]
+    decays, table, gain_rows = decay.ravel(), drives.ravel(), gains.ravel()
+    rail, ends, found = np.empty(states * LANES), np.empty(LANES), np.empty(4 * LANES)
+    zero, one, two, three = splat(0.0), splat(1.0), splat(2.0), splat(3.0)
+    half, third, quarter, tiny = splat(0.5), splat(1.0 / 3.0), splat(0.25), splat(1e-30)
+    load_n, hertz = splat(physics[1]), splat(physics[2])
+    dt = load(dts, 0)
+    kick = dt / splat(physics[0])
+    own = dt * kick * splat(1.0 / 6.0)
+    for i in range(starts.shape[0]):
+        begin = beginnings[i].ravel()
+        rail[:] = begin[: states * LANES]
+        wheel, velocity, force = load(begin, states), load(begin, states + 1), load(begin, states + 2)
+        longest = 0
+        for lane in range(LANES):
+            ends[lane] = steps[i, lane]
+            longest = max(longest, steps[i, lane])
+        end = load(ends, 0)
+        before, peak, least, highest, place, apart = force, force, force, force, zero, zero
+        j = starts[i] % grid
+        for n in range(1, longest):
+            ahead = j + 1 if j + 1 < grid else 0
+            here, there = j * states, ahead * states
+            over, under = splat(irregularities[i, n * stride] if n * stride < fine else 0.0), zero
+            for k in range(pairs):
+                re, im = load(rail, 2 * k), load(rail, 2 * k + 1)
+                decay_re, decay_im = load(decays, k), load(decays, pairs + k)
+                driven_re, driven_im = load(table, here + 2 * k) * force, load(table, here + 2 * k + 1) * force
+                new_re = multiply_add(decay_re, re, multiply_add(zero - decay_im, im, driven_re))
+                new_im = multiply_add(decay_re, im, multiply_add(decay_im, re, driven_im))
+                store(rail, 2 * k, new_re)
+                store(rail, 2 * k + 1, new_im)
+                over = multiply_add(load(table, there + 2 * k), new_re, over)
+                under = multiply_add(load(table, there + 2 * k + 1), new_im, under)
+            free_wheel = multiply_add(dt, multiply_add(kick, half * load_n - third * force, velocity), wheel)
+            gap = free_wheel - over + under
+            gap = where_greater(gap, zero, gap, zero)
+            # As `contact_force`, from a guess that two steps of Newton's method take to rounding.
+            stiff = (load(gain_rows, ahead) + own) * hertz
+            root = square_root(gap / multiply_add(stiff, square_root(gap), one)) + tiny
+            for _ in range(2):
+                bent = stiff * root
+                root = root - (root * root * (one + bent) - gap) / (root * (two + three * bent))
+            after = where_greater(gap, zero, hertz * root * root * root, zero)
+            wheel = free_wheel - own * after
+            velocity = multiply_add(kick, load_n - half * (force + after), velocity)
+            now = splat(float(n))
+            live = where_greater(end, now, one, zero)
+            falls = where_greater(after, force, zero, where_greater(highest, force, zero, live))
+            top = where_greater(force, before, falls, zero)
+            offset = half * (before - after) / where_greater(top, zero, before - two * force + after, one)
+            peak = where_greater(top, zero, force - quarter * (before - after) * offset, peak)
+            place = where_greater(top, zero, now - one + offset, place)
+            highest = where_greater(top, zero, force, highest)
+            least = where_greater(least, where_greater(live, zero, after, least), after, least)
+            apart = apart + where_greater(gap, zero, zero, live)
+            before, force = force, after
+            j = ahead
+        store(found, 0, peak)
+        store(found, 1, place)
+        store(found, 2, least)
+        store(found, 3, apart * dt)
+        for lane in range(LANES):
+            for column in range(4):
+                results[i, lane, column] = found[column * LANES + lane]
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)

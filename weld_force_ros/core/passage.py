@@ -9,10 +9,12 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from weld_force_ros.core import _kernel
+from weld_force_ros.core._vector import LANES
 from weld_force_ros.core.propagation import Propagation, StateModel
 from weld_force_ros.core.track import Complex, Real
 from weld_force_ros.core.weld import Trajectory
@@ -24,6 +26,9 @@ LONGEST_STEP_M = 0.5e-3
 RUN_OUT_S = 0.08
 _SETTLED = 1e-5  # of the static load
 _MOST_SPANS = 1000
+_MOST_REMEMBERED = 64
+# Lanes exist in compiled code only; without compilation (NUMBA_DISABLE_JIT) passages roll one after the other.
+SIDE_BY_SIDE = not numba.config.DISABLE_JIT
 
 
 @dataclass(frozen=True)
@@ -103,6 +108,31 @@ class _Rolling:
     states: Real
 
 
+class _Batch:
+    """Up to eight speeds of one stride, their tables interleaved lane by lane; a lane that is left over repeats one.
+
+    `drives` is None where transitions are dense or nothing is compiled: those roll one speed after the other.
+    """
+
+    def __init__(self, rollings: list[_Rolling], speeds: tuple[float, ...]) -> None:
+        self.rollings, self.speeds = rollings, speeds
+        self._lanes = rollings + [rollings[-1]] * (LANES - len(rollings))
+        self.drives: Real | None = None
+        if SIDE_BY_SIDE and not len(rollings[0].step.transitions):
+            self.decay = self._interleaved([r.step.decay for r in self._lanes])
+            self.drives = self._interleaved([r.step.drives for r in self._lanes])
+            self.gains = self._interleaved([r.step.gains for r in self._lanes])
+            self.dts = np.array([r.dt for r in self._lanes])
+
+    def beginnings(self, starts: NDArray[np.int64]) -> Real:
+        """States at grid points, (n_start, n_state + 3, 8)."""
+        return self._interleaved([r.states[starts % len(r.states)] for r in self._lanes])
+
+    @staticmethod
+    def _interleaved(arrays: list[Real]) -> Real:
+        return np.ascontiguousarray(np.stack(arrays, axis=-1))
+
+
 class Rig:
     """A wheel on a fitted track, ready to roll."""
 
@@ -114,6 +144,7 @@ class Rig:
         self.grid = self.longest_stride * round(model.spacing_m / GRID_M / self.longest_stride)
         self.grid_m = model.spacing_m / self.grid
         self.physics = np.array([wheel.mass_kg, wheel.static_load_n, wheel.hertz_n_per_m15])
+        self._remembered: dict[tuple[float, ...], _Batch] = {}
 
     def surface(
         self,
@@ -141,15 +172,23 @@ class Rig:
         irregularities = np.stack(
             [self._irregularity(trajectory, start, p) for start, p in zip(starts, positions, strict=True)]
         )
+        batches = self._batches(speeds)
 
-        def run(row: int) -> None:
-            results[row] = self._peaks(speeds[row], starts, positions + trajectory.end_m, irregularities)
-            if on_speed:
-                on_speed()
+        def roll(task: tuple[NDArray[np.int64], slice]) -> None:
+            rows, some = task
+            batch = self._batch(tuple(speeds[rows]))
+            ends_m = positions[some] + trajectory.end_m
+            found = self._peaks(batch, starts[some], ends_m, irregularities[some])
+            results[rows, some] = found
+            if on_speed and some.stop is None:
+                for _ in rows:
+                    on_speed()
 
-        # Slow passages take the most steps: they go first, so that the threads end together.
+        middle = len(positions) // 2
+        halves = [slice(0, middle), slice(middle, None)] if middle else [slice(None)]
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(run, np.argsort(speeds)))
+            list(pool.map(lambda rows: self._batch(tuple(speeds[rows])), batches))
+            list(pool.map(roll, [(rows, some) for rows in batches for some in halves]))
         if not np.all(np.isfinite(results)):
             raise NumericalError("a passage did not stay finite; the fit of this track cannot be used at that speed")
         return Surface(*np.moveaxis(results, 2, 0))
@@ -165,7 +204,7 @@ class Rig:
         rolling = self._rolling(speed_kmh)
         span = self.model.spacing_m
         start = self._start(position_m + trajectory.start_m - span)
-        steps = self._steps(rolling, start, max(position_m + trajectory.end_m + span, until_m))
+        steps = self._steps(rolling.stride, start, max(position_m + trajectory.end_m + span, until_m))
         x = (start + rolling.stride * np.arange(steps)) * self.grid_m
         irregularity = trajectory.at(x - position_m)
         rail, wheel = self._state(rolling, start)
@@ -187,25 +226,58 @@ class Rig:
         last_m = position_m + trajectory.end_m + run_out_m(self.model.spacing_m, speed_kmh)
         return Start(first * self.grid_m, last_m, rolling.dt, rail, wheel)
 
-    def _peaks(self, speed_kmh: float, starts: NDArray[np.int64], ends_m: Real, irregularities: Real) -> Real:
-        rolling = self._rolling(speed_kmh)
-        step, after_m = rolling.step, run_out_m(self.model.spacing_m, speed_kmh)
-        steps = np.array([self._steps(rolling, s, e + after_m) for s, e in zip(starts, ends_m, strict=True)])
-        results = np.empty((len(starts), 4))
-        _kernel.peaks_at_speed(
-            rolling.states, step.decay, step.transitions, step.drives, step.shapes, step.gains,
-            starts // rolling.stride, steps, irregularities, rolling.stride, self.physics, rolling.dt, results,
-        )  # fmt: skip
-        results[:, 1] = (starts + rolling.stride * results[:, 1]) * self.grid_m
-        return results
+    def _batches(self, speeds: Real) -> list[NDArray[np.int64]]:
+        """Rows of speeds that share a stride, neighbours together, slow ones first as they take the most steps."""
+        order = np.argsort(speeds)
+        strides = np.array([self._stride(speed) for speed in speeds[order]])
+        groups = [order[strides == stride] for stride in np.unique(strides)]
+        return [group[k : k + LANES] for group in groups for k in range(0, len(group), LANES)]
+
+    def _batch(self, speeds: tuple[float, ...]) -> _Batch:
+        """A batch's tables, remembered: the next weld is likely to be rolled over at the same speeds."""
+        if speeds not in self._remembered:
+            if len(self._remembered) >= _MOST_REMEMBERED:
+                self._remembered.clear()
+            self._remembered[speeds] = _Batch([self._rolling(speed) for speed in speeds], speeds)
+        return self._remembered[speeds]
+
+    def _peaks(self, batch: _Batch, starts: NDArray[np.int64], ends_m: Real, irregularities: Real) -> Real:
+        """(n_speed, n_position, 4) of a batch."""
+        stride = batch.rollings[0].stride
+        steps = np.array(
+            [
+                [self._steps(stride, start, end + run_out_m(self.model.spacing_m, speed)) for speed in batch.speeds]
+                for start, end in zip(starts, ends_m, strict=True)
+            ]
+        )
+        results = np.empty((len(starts), len(batch.speeds), 4))
+        begin = starts // stride
+        if batch.drives is None:
+            for column, rolling in enumerate(batch.rollings):
+                step, own = rolling.step, np.empty((len(starts), 4))
+                _kernel.peaks_at_speed(
+                    rolling.states, step.decay, step.transitions, step.drives, step.shapes, step.gains, begin,
+                    steps[:, column].copy(), irregularities, stride, self.physics, rolling.dt, own,
+                )  # fmt: skip
+                results[:, column] = own
+        else:
+            lanes = np.empty((len(starts), LANES, 4))
+            spare = LANES - len(batch.speeds)
+            _kernel.peaks_in_lanes(
+                batch.beginnings(begin), batch.decay, batch.drives, batch.gains, begin,
+                np.pad(steps, ((0, 0), (0, spare))), irregularities, stride, self.physics, batch.dts, lanes,
+            )  # fmt: skip
+            results = lanes[:, : len(batch.speeds)]
+        results[:, :, 1] = (starts[:, None] + stride * results[:, :, 1]) * self.grid_m
+        return results.transpose(1, 0, 2)
 
     def _start(self, first_m: float) -> int:
         """The grid point, one that every stride meets, at or before a place."""
         return self.longest_stride * int(np.floor(first_m / (self.longest_stride * self.grid_m)))
 
-    def _steps(self, rolling: _Rolling, start: int, last_m: float) -> int:
+    def _steps(self, stride: int, start: int, last_m: float) -> int:
         """Points from a start to a place, both included."""
-        return int(np.ceil((last_m - start * self.grid_m) / (rolling.stride * self.grid_m))) + 1
+        return int(np.ceil((last_m - start * self.grid_m) / (stride * self.grid_m))) + 1
 
     def _irregularity(self, trajectory: Trajectory, start: int, position_m: float) -> Real:
         """What the kernel rolls over, from `start` to the weld's end: the paper's r, positive down."""
@@ -216,12 +288,15 @@ class Rig:
         state = rolling.states[(start // rolling.stride) % len(rolling.states)]
         return state[:-3].copy(), state[-3:].copy()
 
-    def _rolling(self, speed_kmh: float) -> _Rolling:
-        speed = speed_kmh / 3.6
+    def _stride(self, speed_kmh: float) -> int:
         stride = 1
-        while 2 * stride <= self.longest_stride and 2 * stride * self.grid_m <= LONGEST_STEP_S * speed:
+        while 2 * stride <= self.longest_stride and 2 * stride * self.grid_m <= LONGEST_STEP_S * speed_kmh / 3.6:
             stride *= 2
-        dt = stride * self.grid_m / speed
+        return stride
+
+    def _rolling(self, speed_kmh: float) -> _Rolling:
+        stride = self._stride(speed_kmh)
+        dt = stride * self.grid_m / (speed_kmh / 3.6)
         step = self.model.propagation(stride * self.grid_m * np.arange(self.grid // stride), dt)
         rail, wheel = self.at_rest(step)
         states = np.empty((self.grid // stride, len(rail) + 3))

@@ -1,0 +1,100 @@
+"""Eight passages side by side are the same eight passages one after the other."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from weld_force_ros import tracks
+from weld_force_ros.core import passage
+from weld_force_ros.core.passage import Rig, Surface
+from weld_force_ros.core.shapes import cosine_dip
+from weld_force_ros.core.weld import Trajectory, wheel_trajectory
+
+
+def rig(name: str) -> Rig:
+    definition = tracks.load(name)
+    return Rig(tracks.fitted(definition).model(), definition.wheel)
+
+
+def cosine(length_m: float, depth_m: float) -> Trajectory:
+    x = np.linspace(-length_m / 2, length_m / 2, 201)
+    return wheel_trajectory(x, cosine_dip(x, length_m, depth_m), 0.45)
+
+
+def columns(surface: Surface) -> list[np.ndarray]:
+    return [surface.peak_force_n, surface.peak_x_m, surface.min_force_n, surface.contact_loss_s]
+
+
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    name=st.sampled_from(["bilbao", "bilbao-continuous", "johansson-nielsen"]),
+    speeds=st.lists(st.floats(10.0, 350.0), min_size=1, max_size=19, unique=True),
+    positions=st.lists(st.floats(-0.3, 0.9), min_size=1, max_size=4, unique=True),
+    length_m=st.floats(0.03, 0.5),
+    depth_m=st.floats(-0.5e-3, 1.2e-3),
+)
+def test_lanes_equal_the_scalar_kernel(monkeypatch, name, speeds, positions, length_m, depth_m):
+    shape = cosine(length_m, depth_m)
+    with monkeypatch.context() as one_by_one:
+        one_by_one.setattr(passage, "SIDE_BY_SIDE", False)
+        scalar = rig(name).surface(shape, speeds, positions)
+    side_by_side = rig(name).surface(shape, speeds, positions)
+    for fast, plain in zip(columns(side_by_side)[::2], columns(scalar)[::2], strict=True):
+        np.testing.assert_allclose(fast, plain, rtol=1e-9)
+    np.testing.assert_allclose(side_by_side.contact_loss_s, scalar.contact_loss_s, rtol=1e-9)
+    # Where the weld leaves the smooth rail's own peak the largest, it recurs in every span: the place is one of those.
+    spans = (side_by_side.peak_x_m - scalar.peak_x_m) / tracks.load(name).track.spacing_m
+    np.testing.assert_allclose(spans, np.round(spans), atol=1e-6)
+
+
+def test_contact_loss_is_the_same_in_lanes(monkeypatch):
+    flat, speeds = cosine(0.1, 0.9e-3), [150.0, 200.0, 250.0, 300.0]
+    fast = rig("johansson-nielsen").surface(flat, speeds, [0.1, 0.4])
+    monkeypatch.setattr(passage, "SIDE_BY_SIDE", False)
+    plain = rig("johansson-nielsen").surface(flat, speeds, [0.1, 0.4])
+    assert fast.contact_loss_s.min() > 1e-4
+    np.testing.assert_allclose(fast.contact_loss_s, plain.contact_loss_s, rtol=1e-9)
+    assert fast.min_force_n.min() == 0.0
+
+
+def test_results_do_not_depend_on_company_order_or_threads(monkeypatch):
+    shape = cosine(0.1, 0.3e-3)
+    speeds, positions = np.arange(20.0, 300.0, 17.0), np.arange(5) * 0.12
+    whole = columns(rig("bilbao").surface(shape, speeds, positions))
+    backwards = columns(rig("bilbao").surface(shape, speeds[::-1], positions[::-1]))
+    alone = columns(rig("bilbao").surface(shape, speeds[3:4], positions[2:3]))
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
+    one_thread = columns(rig("bilbao").surface(shape, speeds, positions))
+    for a, b, c, d in zip(whole, backwards, alone, one_thread, strict=True):
+        np.testing.assert_array_equal(a, b[::-1, ::-1])
+        np.testing.assert_array_equal(a[3:4, 2:3], c)
+        np.testing.assert_array_equal(a, d)
+
+
+def test_a_rig_remembers_its_tables_and_gives_the_same_again():
+    shape, reused = cosine(0.05, 40e-6), rig("bilbao")
+    reused.surface(cosine(0.2, 0.2e-3), [40.0, 90.0], [0.0])
+    again, fresh = reused.surface(shape, [40.0, 90.0], [0.0]), rig("bilbao").surface(shape, [40.0, 90.0], [0.0])
+    np.testing.assert_array_equal(again.peak_force_n, fresh.peak_force_n)
+
+
+@pytest.mark.parametrize("processes", [2])
+def test_processes_that_compile_at_once_agree(tmp_path, processes):
+    code = (
+        "from weld_force_ros.assess import *; from weld_force_ros.profiles import find, read_profile;"
+        "s = Simulator(simulation_settings(speeds_kmh=[80], positions=[0.1]));"
+        "print(s.force_map(read_profile(find('weld-1-dip'))).peak_force_n)"
+    )
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    running = [
+        subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE, text=True)
+        for _ in range(processes)
+    ]
+    answers = {process.communicate(timeout=200)[0] for process in running}
+    assert [process.returncode for process in running] == [0] * processes
+    assert len(answers) == 1
