@@ -36,10 +36,10 @@ def columns(surface: Surface) -> list[np.ndarray]:
     speeds=st.lists(st.floats(10.0, 350.0), min_size=1, max_size=19, unique=True),
     positions=st.lists(st.floats(-0.3, 0.9), min_size=1, max_size=4, unique=True),
     length_m=st.floats(0.03, 0.5),
-    depth_m=st.floats(-0.5e-3, 1.2e-3),
+    depth_um=st.integers(-500, 1200),
 )
-def test_lanes_equal_the_scalar_kernel(monkeypatch, name, speeds, positions, length_m, depth_m):
-    shape = cosine(length_m, depth_m)
+def test_lanes_equal_the_scalar_kernel(monkeypatch, name, speeds, positions, length_m, depth_um):
+    shape = cosine(length_m, depth_um * 1e-6)
     with monkeypatch.context() as one_by_one:
         one_by_one.setattr(passage, "SIDE_BY_SIDE", False)
         scalar = rig(name).surface(shape, speeds, positions)
