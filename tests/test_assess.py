@@ -188,8 +188,8 @@ def test_settings_alone_replay_the_identical_map(tmp_path: Path, monkeypatch: py
 
 
 def test_engine_of_another_version_is_refused():
-    other = msgspec.structs.replace(simulation_settings(), engine="reference")
-    with pytest.raises(InputError, match="'reference' is not available; use common-poles"):
+    other = msgspec.structs.replace(simulation_settings(), engine="rfp")
+    with pytest.raises(InputError, match="'rfp' is not available; use common-poles, reference"):
         Simulator(other)
 
 

@@ -8,7 +8,7 @@ import platformdirs
 import pytest
 import yaml
 
-from weld_force_ros import tracks
+from weld_force_ros import fits, tracks
 from weld_force_ros.errors import InputError, TrackError
 
 BILBAO = tracks.load("bilbao").text
@@ -41,9 +41,9 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def fits_made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     made: list[str] = []
-    real = tracks.make_fit
+    real = fits.make
     monkeypatch.setattr(
-        tracks, "make_fit", lambda definition: (made.append(definition.track.name), real(definition))[1]
+        fits, "make", lambda definition, engine: (made.append(definition.track.name), real(definition, engine))[1]
     )
     return made
 
@@ -82,9 +82,9 @@ def test_sources_and_layout_are_no_part_of_a_fits_identity():
     bare = re.sub(r"\{value: ([\d.]+), source: \"[^\"]*\"\}", r"\1", BILBAO)
     assert "source" not in bare
     renamed = bare.replace("name: bilbao", "name: my own")
-    key = tracks.fit_key(tracks.load("bilbao"))
-    assert tracks.fit_key(tracks.parse(renamed, "renamed")) == key
-    assert tracks.fit_key(tracks.parse(bare.replace("348.6", "348.7"), "softer")) != key
+    key = fits.key_of(tracks.load("bilbao"))
+    assert fits.key_of(tracks.parse(renamed, "renamed")) == key
+    assert fits.key_of(tracks.parse(bare.replace("348.6", "348.7"), "softer")) != key
 
 
 @pytest.mark.parametrize(
@@ -145,20 +145,20 @@ def test_binary_file_is_refused(tmp_path: Path):
 
 def test_shipped_tracks_need_no_fitting(cache: Path, fits_made: list[str]):
     for name in tracks.shipped():
-        tracks.fitted(tracks.load(name))
+        fits.fitted(tracks.load(name))
     assert fits_made == []
     assert not cache.exists()
 
 
 def test_own_track_is_fitted_once_and_then_read(cache: Path, fits_made: list[str]):
     definition, told = tracks.parse(CONTINUOUS, "tram.yaml"), []
-    first = tracks.fitted(definition, on_fit=told.append)
-    again = tracks.fitted(definition, on_fit=told.append)
+    first = fits.fitted(definition, on_fit=told.append)
+    again = fits.fitted(definition, on_fit=told.append)
     assert fits_made == ["tram"]
     assert len(told) == 1
     assert "tram" in told[0]
     assert msgspec.to_builtins(again) == msgspec.to_builtins(first)
-    assert [path.name for path in cache.iterdir()] == [f"{tracks.fit_key(definition)}.json"]
+    assert [path.name for path in cache.iterdir()] == [f"{fits.key_of(definition)}.json"]
 
 
 @pytest.mark.parametrize(
@@ -174,31 +174,31 @@ def test_own_track_is_fitted_once_and_then_read(cache: Path, fits_made: list[str
 )
 def test_damaged_cache_entry_is_made_anew(damage, cache: Path, fits_made: list[str]):
     definition = tracks.parse(CONTINUOUS, "tram.yaml")
-    good = tracks.fitted(definition)
+    good = fits.fitted(definition)
     entry = cache / f"{good.key}.json"
     damaged = damage(entry.read_bytes())
     assert damaged != entry.read_bytes()
     entry.write_bytes(damaged)
-    assert tracks.fitted(definition).poles_re_rad_s == pytest.approx(good.poles_re_rad_s, rel=1e-6)
+    assert fits.fitted(definition).poles_re_rad_s == pytest.approx(good.poles_re_rad_s, rel=1e-6)
     assert len(fits_made) == 2
-    tracks.fitted(definition)
+    fits.fitted(definition)
     assert len(fits_made) == 2
 
 
 def test_unwritable_cache_costs_only_time(cache: Path):
     cache.parent.write_text("a file where the folder should be")
-    fit = tracks.fitted(tracks.parse(CONTINUOUS, "tram.yaml"))
+    fit = fits.fitted(tracks.parse(CONTINUOUS, "tram.yaml"))
     assert fit.model().order == fit.order
 
 
 def test_track_name_is_never_a_path(cache: Path):
     definition = tracks.parse(CONTINUOUS.replace("name: tram", r'name: "../../tram\0"'), "tram.yaml")
-    tracks.fitted(definition)
+    fits.fitted(definition)
     assert len(list(cache.iterdir())) == 1
 
 
 def test_fit_file_gives_back_its_model():
-    fit = tracks.make_fit(tracks.parse(CONTINUOUS, "tram.yaml"))
+    fit = fits.make(tracks.parse(CONTINUOUS, "tram.yaml"))
     model = fit.model()
     assert model.residues.shape == (1, len(model.poles_rad_s))
     assert np.all(model.poles_rad_s.real < 0)

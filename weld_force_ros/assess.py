@@ -10,7 +10,7 @@ from typing import cast, get_args
 import msgspec
 import numpy as np
 
-from weld_force_ros import __version__, tracks
+from weld_force_ros import __version__, fits, tracks
 from weld_force_ros.contract import (
     AssessmentSettings,
     Engine,
@@ -186,7 +186,7 @@ class Simulator:
             self.rig = GreenRig(definition.track, wheel)
             self._model_error = acausal(definition.track, self._span_m / 2).floor(wheel.compliance, BAND_HZ)
         else:
-            fit = tracks.fitted(definition, on_fit=on_fit)
+            fit = fits.fitted(definition, on_fit=on_fit)
             self.rig = Rig(fit.model(), wheel)
             self._model_error = fit.error
 

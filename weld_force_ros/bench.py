@@ -16,7 +16,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from weld_force_ros import profiles, tracks
+from weld_force_ros import fits, profiles, tracks
 from weld_force_ros.assess import Simulator, parse_speeds, simulation_settings
 from weld_force_ros.core import _kernel
 from weld_force_ros.core.passage import Rig, Start
@@ -35,7 +35,7 @@ def run(*, repetitions: int = 3, on_step: Callable[[str], None] = lambda _: None
     """Measure everything; keys name what they hold, with units."""
     simulator = Simulator(simulation_settings(speeds_kmh=parse_speeds(STUDY_SPEEDS), positions=STUDY_POSITIONS))
     definition = tracks.load(simulator.settings.track)
-    model = tracks.fitted(definition).model()
+    model = fits.fitted(definition).model()
     profile = profiles.read_profile(profiles.find(_SOLVED_WELD))
     simulator.force_map(profile)  # compiled and warm
     maps, theirs = [], []

@@ -35,6 +35,8 @@ app = typer.Typer(
 )
 bag_app = typer.Typer(help="Look into, repair and export recordings.", rich_markup_mode=None)
 app.add_typer(bag_app, name="bag")
+study_app = typer.Typer(help="Investigate this software itself; tables and figures in a folder.", rich_markup_mode=None)
+app.add_typer(study_app, name="study")
 
 Track = Annotated[str, typer.Option(help="A shipped track or the path of a track file (YAML).")]
 EngineName = Annotated[str, typer.Option(help="How the track is represented in time.")]
@@ -237,7 +239,7 @@ def receptance(
     json: Json = None,
 ) -> None:
     """Point receptance of the rail: exact, or as an engine fits it."""
-    from weld_force_ros import terminal, tracks
+    from weld_force_ros import fits, terminal, tracks
     from weld_force_ros.core.track import receptance as exact_receptance
 
     at_m, frequency_hz = _numbers("--at", at), _numbers("--freq", freq)
@@ -247,7 +249,7 @@ def receptance(
     if engine == "exact":
         h = exact_receptance(definition.track, frequency_hz, at_m)
     elif engine == "common-poles":
-        h = tracks.fitted(definition, on_fit=terminal.say).model().receptance(frequency_hz, at_m)
+        h = fits.fitted(definition, on_fit=terminal.say).model().receptance(frequency_hz, at_m)
     else:
         raise InputError(f"engine {engine!r} has no receptance", "use exact or common-poles")
     with _lines(json) as out:
@@ -279,23 +281,25 @@ def fit(
     json: Json = None,
 ) -> None:
     """Fit a track now, whatever is cached, and say how well it came out."""
-    from weld_force_ros import terminal, tracks
+    from weld_force_ros import fits, terminal, tracks
 
     definition = tracks.load(track)
     with terminal.console.status(f"fitting {definition.track.name}"):
-        made = tracks.make_fit(definition)
+        made = fits.make(definition)
     with _lines(json) as out:
         _write(out, made)
-    bands = zip(made.bands_hz[::2], made.bands_hz[1::2], made.error_by_band, strict=True)
+    bands = zip(made.bands_hz[::2], made.bands_hz[1::2], made.error_by_band, made.acausal_floor_by_band, strict=True)
     terminal.table(
-        f"{made.track}: {made.engine} of order {made.order}; error relative to what the contact sees",
-        [("band Hz", "right"), ("RMS %", "right")],
-        [(f"{low:g} - {high:g}", f"{100 * error:.2f}") for low, high, error in bands]
-        + [("all", f"{100 * made.error:.2f}")],
+        f"{made.track}: {made.engine} of order {made.order}; RMS error relative to what the contact sees",
+        [("band Hz", "right"), ("fit %", "right"), ("response cut at the impulse %", "right")],
+        [(f"{low:g} - {high:g}", f"{100 * error:.2f}", f"{100 * floor:.2f}") for low, high, error, floor in bands]
+        + [("all", f"{100 * made.error:.2f}", "")],
     )
     if not definition.track.causal:
         terminal.say(
-            "This track's loss factors are not causal: no model in time reproduces its receptance below some per cent."
+            f"Loss factors are not causal: {100 * made.acausal_energy_share:.1f} % of the impulse response's energy "
+            "lies before the impulse, and no model in time reproduces its receptance; the last column shows what a mere cut "
+            "costs."
         )
 
 
@@ -385,6 +389,37 @@ def bench(
 
 def _figures(value: Any) -> str:
     return ", ".join(_figures(v) for v in value) if isinstance(value, list) else f"{value:.4g}"
+
+
+@study_app.callback()
+def study() -> None:
+    """Investigate this software itself; tables and figures in a folder."""
+
+
+@study_app.command("engines")
+def study_engines(
+    out: Annotated[Path, typer.Option(help="Folder for tables, figures, and what a second run need not compute.")],
+    quick: Annotated[bool, typer.Option("--quick", help="A small grid, to see whether it works.")] = False,
+    json: Json = None,
+) -> None:
+    """Compare the fitted engines with the reference over shapes, speeds, positions and tracks (some minutes)."""
+    from weld_force_ros import terminal
+    from weld_force_ros.studies import engines, engines_figures
+
+    with terminal.progress() as bar:
+        found = engines.run(
+            out,
+            quick=quick,
+            stage=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
+            on_fit=terminal.say,
+        )
+    with _lines(json) as lines:
+        for outcome in found.outcomes:
+            _write(lines, outcome)
+    for name in ("errors-by-shape", "orders", "outcomes"):
+        terminal.show_table(found.tables[name])
+    pictures = engines_figures.write(found, out)
+    terminal.say(f"{out}: {len(found.tables)} tables (CSV), engines.json, {len(pictures)} figures (PNG, SVG)")
 
 
 @bag_app.command("info")

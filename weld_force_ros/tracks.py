@@ -1,36 +1,19 @@
-"""Track files and the fits that belong to them.
+"""Track files: YAML of the form of `data/tracks/bilbao.yaml`; each number may stand bare or as `{value, source}`."""
 
-A track file is YAML (see `data/tracks/bilbao.yaml`); each number may stand bare or as `{value, source}`. A fit is
-looked up by the content that it depends on: first among the shipped ones, then in the user's cache folder, else it is
-made and kept there.
-"""
-
-import contextlib
-import hashlib
 import math
 import os
-import tempfile
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
 import msgspec
-import numpy as np
-import platformdirs
 import yaml
 from msgspec import Meta
-from threadpoolctl import threadpool_limits
 
-from weld_force_ros import __version__
 from weld_force_ros.core.passage import Wheel
-from weld_force_ros.core.poles import REPORT_BANDS, PoleModel, default_fit, relative_error
 from weld_force_ros.core.track import Rail, Spring, Track
 from weld_force_ros.errors import TrackError
-
-# Part of every fit's key: raise it when the fit of the same track would come out differently.
-FIT_VERSION = 1
 
 _DATA = resources.files("weld_force_ros.data")
 _LONGEST_FILE = 65_536
@@ -212,111 +195,3 @@ class _Reader:
                 f"track file {self.source}: {name} has no damping", "give loss_factor or damping_kns_per_m"
             )
         return spring
-
-
-class FitFile(msgspec.Struct, kw_only=True):
-    """A fit on disk: the model, what it was made from and how well it came out.
-
-    `residues_*` are row-major (section, pole). `error_by_band` follows `bands_hz` (pairs of ends): RMS of
-    |fit - exact| / |exact + contact and wheel|.
-    """
-
-    key: str
-    track: str
-    engine: str
-    software: str
-    order: int
-    spacing_m: float
-    section_m: list[float]
-    poles_re_rad_s: list[float]
-    poles_im_rad_s: list[float]
-    residues_re: list[float]
-    residues_im: list[float]
-    error: float
-    bands_hz: list[float]
-    error_by_band: list[float]
-
-    def model(self) -> PoleModel:
-        """The fitted track."""
-        shape = (len(self.section_m), len(self.poles_re_rad_s))
-        return PoleModel(
-            poles_rad_s=np.array(self.poles_re_rad_s) + 1j * np.array(self.poles_im_rad_s),
-            residues=(np.array(self.residues_re) + 1j * np.array(self.residues_im)).reshape(shape),
-            section_m=np.array(self.section_m),
-            spacing_m=self.spacing_m,
-        )
-
-
-def fit_key(definition: TrackDefinition) -> str:
-    """Identity of a fit: the numbers it depends on, not the text they came in."""
-    content = [FIT_VERSION, "common-poles", asdict(definition.track) | {"name": ""}, asdict(definition.wheel)]
-    return hashlib.sha256(msgspec.json.encode(content, order="sorted")).hexdigest()
-
-
-def fitted(definition: TrackDefinition, *, on_fit: Callable[[str], None] | None = None) -> FitFile:
-    """The fit of a track: shipped, cached, or made now and cached.
-
-    Args:
-        definition: the track and its own wheel, by which errors are weighed.
-        on_fit: told, in words, if the fit has to be made, which takes some seconds.
-    """
-    key = fit_key(definition)
-    shipped_file = _DATA / "fits" / f"{definition.track.name}.common-poles.json"
-    cached_file = platformdirs.user_cache_path("weld_force_ros") / "fits" / f"{key}.json"
-    for file in (shipped_file, cached_file):
-        if (found := _read(file, key)) is not None:
-            return found
-    if on_fit:
-        on_fit(f"fitting track {definition.track.name}, once")
-    fit = make_fit(definition)
-    with contextlib.suppress(OSError):  # a read-only home costs time at the next start, nothing else
-        write_fit(fit, cached_file)
-    return fit
-
-
-def make_fit(definition: TrackDefinition) -> FitFile:
-    """Fit a track now."""
-    track, wheel = definition.track, definition.wheel
-    # Many small factorisations: a second BLAS thread makes them many times slower where another program computes.
-    with threadpool_limits(limits=1, user_api="blas"):
-        model = default_fit(track, wheel.compliance)
-    return FitFile(
-        key=fit_key(definition),
-        track=track.name,
-        engine="common-poles",
-        software=f"weld_force_ros {__version__}",
-        order=model.order,
-        spacing_m=model.spacing_m,
-        section_m=model.section_m.tolist(),
-        poles_re_rad_s=model.poles_rad_s.real.tolist(),
-        poles_im_rad_s=model.poles_rad_s.imag.tolist(),
-        residues_re=model.residues.real.ravel().tolist(),
-        residues_im=model.residues.imag.ravel().tolist(),
-        error=relative_error(model, track, wheel.compliance),
-        bands_hz=[end for band in REPORT_BANDS for end in band],
-        error_by_band=[relative_error(model, track, wheel.compliance, band) for band in REPORT_BANDS],
-    )
-
-
-def write_fit(fit: FitFile, path: Path) -> None:
-    """Write a fit so that another process sees either the whole file or none."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(msgspec.json.format(msgspec.json.encode(fit), indent=0) + b"\n")
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
-
-
-def _read(file: resources.abc.Traversable, key: str) -> FitFile | None:
-    """A fit file of that key, or None: a damaged cache entry is as good as none."""
-    try:
-        fit = msgspec.json.decode(file.read_bytes(), type=FitFile)
-        fit.model()
-    except (OSError, msgspec.DecodeError, ValueError):  # ValueError: a name no file can have, residues out of shape
-        return None
-    return fit if fit.key == key else None

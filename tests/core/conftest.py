@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from weld_force_ros import tracks
+from weld_force_ros import fits, tracks
 from weld_force_ros.core.passage import Rig
 from weld_force_ros.core.shapes import cosine_dip
 from weld_force_ros.core.weld import Trajectory, wheel_trajectory
@@ -28,7 +28,7 @@ def definitions() -> dict[str, TrackDefinition]:
 
 @pytest.fixture(scope="session")
 def rigs(definitions: dict[str, TrackDefinition]) -> dict[str, Rig]:
-    return {name: Rig(tracks.fitted(d).model(), d.wheel) for name, d in definitions.items()}
+    return {name: Rig(fits.fitted(d).model(), d.wheel) for name, d in definitions.items()}
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 from scipy.signal import find_peaks
 
-from weld_force_ros import tracks
+from weld_force_ros import fits, tracks
 from weld_force_ros.core.passage import Rig, Surface
 from weld_force_ros.core.shapes import cosine_dip
 from weld_force_ros.core.track import pinned_pinned_hz, receptance, static_compliance
@@ -38,7 +38,7 @@ def _definition(name: str) -> tracks.TrackDefinition:
 
 def _rig(track: str, **wheel: float) -> Rig:
     definition = _definition(track)
-    return Rig(tracks.fitted(definition).model(), replace(definition.wheel, **wheel))
+    return Rig(fits.fitted(definition).model(), replace(definition.wheel, **wheel))
 
 
 def _cosine(length_m: float, depth_m: float) -> Trajectory:

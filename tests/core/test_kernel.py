@@ -50,12 +50,12 @@ def test_first_order_hold_is_the_matrix_exponential(size: float, angle: float, d
 PASSAGES = """
 import json, sys
 import numpy as np
-from weld_force_ros import tracks
+from weld_force_ros import fits, tracks
 from weld_force_ros.core.passage import Rig
 from weld_force_ros.core.shapes import cosine_dip
 from weld_force_ros.core.weld import wheel_trajectory
 definition = tracks.load("bilbao")
-rig = Rig(tracks.fitted(definition).model(), definition.wheel)
+rig = Rig(fits.fitted(definition).model(), definition.wheel)
 x = np.linspace(-0.05, 0.05, 201)
 flat = wheel_trajectory(x, cosine_dip(x, 0.1, 0.9e-3), 0.45)
 surface = rig.surface(flat, [200.0], [0.1])

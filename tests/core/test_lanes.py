@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from weld_force_ros import tracks
+from weld_force_ros import fits, tracks
 from weld_force_ros.core import passage
 from weld_force_ros.core.passage import Rig, Surface
 from weld_force_ros.core.shapes import cosine_dip
@@ -18,7 +18,7 @@ from weld_force_ros.core.weld import Trajectory, wheel_trajectory
 
 def rig(name: str) -> Rig:
     definition = tracks.load(name)
-    return Rig(tracks.fitted(definition).model(), definition.wheel)
+    return Rig(fits.fitted(definition).model(), definition.wheel)
 
 
 def cosine(length_m: float, depth_m: float) -> Trajectory:

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from weld_force_ros import tracks
+from weld_force_ros import fits, tracks
 from weld_force_ros.core import reference
 from weld_force_ros.core.passage import Rig, Wheel
 from weld_force_ros.core.poles import PoleModel
@@ -101,6 +101,6 @@ def test_both_engines_agree_on_a_track_that_is_exactly_rational(monkeypatch):
 
 def test_common_poles_follow_the_reference_on_a_causal_track(converged):
     definition = tracks.load("johansson-nielsen")
-    rig = Rig(tracks.fitted(definition).model(), definition.wheel)
+    rig = Rig(fits.fitted(definition).model(), definition.wheel)
     fitted = np.array([rig.surface(shape, [240.0], [0.05]).peak_force_n for shape in SHAPES])
     np.testing.assert_allclose(fitted, converged, rtol=1.2e-2)
