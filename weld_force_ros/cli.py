@@ -298,8 +298,8 @@ def fit(
     if not definition.track.causal:
         terminal.say(
             f"Loss factors are not causal: {100 * made.acausal_energy_share:.1f} % of the impulse response's energy "
-            "lies before the impulse, and no model in time reproduces its receptance; the last column shows what a mere cut "
-            "costs."
+            "lies before the impulse, and no model in time reproduces the receptance; the last column shows what a "
+            "mere cut costs."
         )
 
 
