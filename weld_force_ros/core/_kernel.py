@@ -128,11 +128,11 @@ def peaks_at_speed(
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
 def peaks_in_lanes(beginnings, decay, drives, gains, starts, steps, irregularities, stride, physics, dts, results):
-    """`peaks_at_speed` for eight speeds side by side, on the same grid: a lane each.
+    """`peaks_at_speed` for `LANES` speeds side by side, on the same grid: a lane each.
 
-    Common poles only. `beginnings` (n_position, n_state + 3, 8): states at the starts; `decay` (2, n_pair, 8); `drives`
-    (n_grid, n_state, 8), of which `shapes` are the conjugates; `gains` (n_grid, 8); `steps` (n_position, 8); `dts` (8);
-    `results` (n_position, 8, 4).
+    Common poles only. `beginnings` (n_position, n_state + 3, n_lane): states at the starts; `decay`
+    (2, n_pair, n_lane); `drives` (n_grid, n_state, n_lane), of which `shapes` are the conjugates; `gains`
+    (n_grid, n_lane); `steps` (n_position, n_lane); `dts` (n_lane,); `results` (n_position, n_lane, 4).
     """
     grid, states = drives.shape[0], drives.shape[1]
     pairs, fine = states // 2, irregularities.shape[1]

@@ -1,9 +1,10 @@
-"""Eight doubles as one value inside compiled code, so that eight passages advance in one instruction stream.
+"""Sixteen doubles as one value inside compiled code, so that sixteen passages advance in one instruction stream.
 
 LLVM does not vectorise the kernel's loops by itself (it cannot know that its arrays do not overlap). Here the vector is
 a type of its own: arithmetic, `load`, `store` and a few functions become LLVM vector instructions, which every
 processor executes in registers as wide as it has. Lanes never mix, so that a lane's result does not depend on the
-others.
+others. A step waits for its contact's solution (roots and quotients); twice the width of the widest registers fills
+that wait.
 """
 
 import operator
@@ -17,7 +18,7 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic, register_model
 from numba.np.arrayobj import make_array
 
-LANES = 8
+LANES = 16
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 # As the kernel's scalar code: sums may be regrouped, NaN and infinity keep their meaning.
 _FLAGS = ("reassoc", "contract", "arcp", "nsz")
@@ -65,7 +66,7 @@ def _address(context, builder, kind, array, index):
 
 @intrinsic
 def load(typing, array, index):
-    """Eight neighbours of a flat float64 array, from 8 x index."""
+    """Neighbours of a flat float64 array, from LANES x index."""
 
     def generate(context, builder, sig, args):
         return builder.load(_address(context, builder, sig.args[0], *args), align=8)
@@ -75,7 +76,7 @@ def load(typing, array, index):
 
 @intrinsic
 def store(typing, array, index, value):
-    """Write eight neighbours of a flat float64 array, from 8 x index."""
+    """Write neighbours of a flat float64 array, from LANES x index."""
 
     def generate(context, builder, sig, args):
         builder.store(args[2], _address(context, builder, sig.args[0], *args[:2]), align=8)

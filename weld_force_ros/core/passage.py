@@ -21,7 +21,7 @@ from weld_force_ros.core.weld import Trajectory
 from weld_force_ros.errors import InputError, NumericalError
 
 GRID_M = 0.25e-3
-LONGEST_STEP_S = 50e-6
+LONGEST_STEP_S = 100e-6
 LONGEST_STEP_M = 0.5e-3
 RUN_OUT_S = 0.08
 _SETTLED = 1e-5  # of the static load
@@ -109,7 +109,7 @@ class _Rolling:
 
 
 class _Batch:
-    """Up to eight speeds of one stride, their tables interleaved lane by lane; a lane that is left over repeats one.
+    """Up to `LANES` speeds of one stride, their tables interleaved lane by lane; a lane that is left over repeats one.
 
     `drives` is None where transitions are dense or nothing is compiled: those roll one speed after the other.
     """
@@ -125,7 +125,7 @@ class _Batch:
             self.dts = np.array([r.dt for r in self._lanes])
 
     def beginnings(self, starts: NDArray[np.int64]) -> Real:
-        """States at grid points, (n_start, n_state + 3, 8)."""
+        """States at grid points, (n_start, n_state + 3, n_lane)."""
         return self._interleaved([r.states[starts % len(r.states)] for r in self._lanes])
 
     @staticmethod
