@@ -140,7 +140,7 @@ def test_wheel_is_the_tracks_unless_given():
     [
         {"track": "nowhere"},
         {"engine": "guess"},
-        {"engine": "rfp"},
+        {"engine": "magic"},
         {"wheel_mass_kg": 0.0},
         {"wheel_radius_m": float("nan")},
         {"wheel_radius_m": 5.0},
@@ -185,12 +185,6 @@ def test_settings_alone_replay_the_identical_map(tmp_path: Path, monkeypatch: py
     after = Simulator(decode(SimulationSettings, recorded)).force_map(profile())
     after.elapsed_s = before.elapsed_s
     assert encode(after) == encode(before)
-
-
-def test_engine_of_another_version_is_refused():
-    other = msgspec.structs.replace(simulation_settings(), engine="rfp")
-    with pytest.raises(InputError, match="'rfp' is not available; use common-poles, reference"):
-        Simulator(other)
 
 
 def test_map_carries_what_is_known_of_the_weld(simulator: Simulator):

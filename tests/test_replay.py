@@ -95,3 +95,24 @@ def test_a_cut_bag_is_replayed_up_to_the_cut(tmp_path, messages):
     recording = replay.read(cut)
     assert recording.damage
     assert differences(recording) == []
+
+
+@pytest.mark.parametrize("engine", ["common-poles", "rfp", "reference"])
+def test_the_engine_is_recorded_and_computes_again_on_replay(tmp_path, engine):
+    settings = simulation_settings(
+        track="johansson-nielsen", engine=engine, speeds_kmh=[150], positions=[0.2], hertz_n_per_m15=9e10
+    )
+    limits, profile = load_limits(), read_profile(find("wheel-flat-0.9mm"))
+    done = assess(profile, Simulator(settings), limits)
+    messages = [settings, limits, profile, done.force_map, done.history, done.verdict]
+    recording = recorded(tmp_path, messages)
+    assert [m.engine for m in recording.force_maps] == [engine]
+    assert differences(recording) == []
+    # Another engine's numbers are told apart.
+    other = "rfp" if engine != "rfp" else "common-poles"
+    foreign = simulation_settings(
+        track="johansson-nielsen", engine=other, speeds_kmh=[150], positions=[0.2], hertz_n_per_m15=9e10
+    )
+    peaks = Simulator(foreign).force_map(profile).peak_force_n
+    found = differences(recorded(tmp_path / "foreign", changed(messages, "ForceMap", peak_force_n=peaks)))
+    assert any("peak_force_n differs" in difference for difference in found)

@@ -15,7 +15,7 @@ import pytest
 
 from weld_force_ros import assess, tracks
 from weld_force_ros.cli import main
-from weld_force_ros.core.passage import Rig, Surface
+from weld_force_ros.core.passage import Surface
 from weld_force_ros.core.reference import GreenRig
 from weld_force_ros.core.weld import Trajectory
 from weld_force_ros.errors import NumericalError
@@ -27,7 +27,7 @@ from weld_force_ros.studies.reference_peaks import ReferencePeaks
 from weld_force_ros.studies.tables import Column, Table
 
 QUICK_PASSAGES = sum(len(g.shapes) * len(g.speeds_kmh) * g.position_count for g in QUICK_GRIDS)
-FITTED = [engine for engine in assess.engines() if engine != "reference"]
+FITTED = [engine for engine in assess.ENGINES if engine != "reference"]
 
 
 def passage(reference_n: float, peak_n: float, *, shape: str = "dip", speed_kmh: float = 80.0) -> Passage:
@@ -116,11 +116,11 @@ def test_tables_write_units_missing_cells_and_eight_digits(tmp_path):
 def counted(monkeypatch) -> list[int]:
     """The reference replaced by the fitted engine, which is quick, and how many welds each call computed."""
     calls: list[int] = []
+    quick = assess.Simulator(assess.simulation_settings(track="johansson-nielsen")).rig
 
     def surfaces(self, trajectories, speeds_kmh, positions_m):
         calls.append(len(trajectories))
-        rig = Rig(tracks.fitted(tracks.load("johansson-nielsen")).model(), self.wheel)
-        return [rig.surface(t, speeds_kmh, positions_m) for t in trajectories]
+        return [quick.surface(t, speeds_kmh, positions_m) for t in trajectories]
 
     monkeypatch.setattr(GreenRig, "surfaces", surfaces)
     return calls

@@ -36,7 +36,7 @@ from weld_force_ros.errors import InputError, MessageError
 SOFTWARE = f"weld_force_ros {__version__}"
 DEFAULT_SPEEDS = "20:300:5"
 DEFAULT_POSITIONS = "15"
-_ENGINES = ("common-poles", "reference")
+ENGINES: tuple[str, ...] = get_args(get_args(Engine)[0])
 _AFTER_PEAK_M = 0.1
 
 # Messages keep what means something: 0.01 N is a ten-millionth of a wheel load, 0.1 nm far below any roughness.
@@ -125,8 +125,8 @@ def simulation_settings(
     Raises:
         InputError: anything that cannot be simulated.
     """
-    if engine not in _ENGINES:
-        raise InputError(f"engine {engine!r} is not available", f"use {', '.join(_ENGINES)}")
+    if engine not in ENGINES:
+        raise InputError(f"engine {engine!r} is not available", f"use {', '.join(ENGINES)}")
     definition = tracks.load(track)
     wheel = definition.wheel
     given = {
@@ -174,8 +174,6 @@ class Simulator:
         Raises:
             InputError: settings that this version cannot simulate.
         """
-        if settings.engine not in _ENGINES:
-            raise InputError(f"engine {settings.engine!r} is not available", f"use {', '.join(_ENGINES)}")
         self.settings = settings
         # The text, not the name: a recording then holds all that its replay needs.
         definition = tracks.parse(settings.track_definition, settings.track)
@@ -186,7 +184,7 @@ class Simulator:
             self.rig = GreenRig(definition.track, wheel)
             self._model_error = acausal(definition.track, self._span_m / 2).floor(wheel.compliance, BAND_HZ)
         else:
-            fit = fits.fitted(definition, on_fit=on_fit)
+            fit = fits.fitted(definition, settings.engine, on_fit=on_fit)
             self.rig = Rig(fit.model(), wheel)
             self._model_error = fit.error
 
@@ -307,8 +305,3 @@ def assess(profile: WeldProfile, simulator: Simulator, limits: AssessmentSetting
     """From a profile to its verdict."""
     force_map = simulator.force_map(profile)
     return Assessment(force_map, simulator.worst_history(profile, force_map), judge(force_map, limits))
-
-
-def engines() -> tuple[str, ...]:
-    """Engines that can be asked for."""
-    return tuple(e for e in get_args(get_args(Engine)[0]) if e in _ENGINES)

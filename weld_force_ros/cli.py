@@ -12,7 +12,7 @@ from dataclasses import asdict
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Annotated, Any
+from typing import IO, TYPE_CHECKING, Annotated, Any, cast, get_args
 
 import msgspec
 import typer
@@ -22,6 +22,7 @@ from weld_force_ros.errors import InputError, WeldForceError
 if TYPE_CHECKING:
     from weld_force_ros.assess import Simulator
     from weld_force_ros.contract import SimulationSettings
+    from weld_force_ros.fits import AnyFit
     from weld_force_ros.replay import Recording
 
 # Typer's usage errors, whether its click is the package or a copy of its own.
@@ -248,10 +249,14 @@ def receptance(
     definition = tracks.load(track)
     if engine == "exact":
         h = exact_receptance(definition.track, frequency_hz, at_m)
-    elif engine == "common-poles":
-        h = fits.fitted(definition, on_fit=terminal.say).model().receptance(frequency_hz, at_m)
+    elif engine in get_args(fits.FittedEngine):
+        h = (
+            fits.fitted(definition, cast(fits.FittedEngine, engine), on_fit=terminal.say)
+            .model()
+            .receptance(frequency_hz, at_m)
+        )
     else:
-        raise InputError(f"engine {engine!r} has no receptance", "use exact or common-poles")
+        raise InputError(f"engine {engine!r} has no receptance of its own", "use exact, common-poles or rfp")
     with _lines(json) as out:
         _write(
             out,
@@ -278,16 +283,67 @@ def receptance(
 @app.command()
 def fit(
     track: Annotated[str, typer.Argument(help="A shipped track or the path of a track file (YAML).")],
+    engine: Annotated[str, typer.Option(help="rfp (searched by NSGA-II) or common-poles.")] = "rfp",
+    degree: Annotated[int, typer.Option(help="rfp: the denominator's degree, 4 to 12.")] = 8,
+    sections: Annotated[int, typer.Option(help="rfp: sections over the span.")] = 15,
+    seed: Annotated[int, typer.Option(min=0, help="rfp: of the search.")] = 1,
+    generations: Annotated[int, typer.Option(min=1, max=10_000, help="rfp: of the search.")] = 40,
+    population: Annotated[int, typer.Option(min=8, max=1_000, help="rfp: fits in a generation.")] = 40,
+    out: Annotated[Path | None, typer.Option(help="Folder for the fit and its picture.")] = None,
     json: Json = None,
 ) -> None:
-    """Fit a track now, whatever is cached, and say how well it came out."""
+    """Fit a track now and say how well it came out; an interrupted search goes on where it stopped."""
     from weld_force_ros import fits, terminal, tracks
 
     definition = tracks.load(track)
-    with terminal.console.status(f"fitting {definition.track.name}"):
-        made = fits.make(definition)
-    with _lines(json) as out:
-        _write(out, made)
+    if engine not in ("rfp", "common-poles"):
+        raise InputError(f"engine {engine!r} has no fit", "use rfp or common-poles")
+    with terminal.progress() as bar:
+        if engine == "rfp":
+            task = bar.add_task(f"searching {definition.track.name}", total=generations)
+            how = fits.Search(
+                degree=degree, section_count=sections, seed=seed, generations=generations, population=population
+            )
+            made: fits.AnyFit = fits.make_rfp(
+                definition,
+                how,
+                on_generation=lambda now: bar.update(
+                    task,
+                    completed=now.population.generation,
+                    description=f"searching {definition.track.name}: {now.feasible} usable, least error "
+                    f"{100 * now.least_error:.2f} %, least variation {now.least_variation:.3f}",
+                ),
+            )
+        else:
+            bar.add_task(f"fitting {definition.track.name}", total=None)
+            made = fits.make_poles(definition)
+    fits.keep(made)
+    with _lines(json) as target:
+        _write(target, made)
+    _show_fit(made)
+    if out:
+        from weld_force_ros import report
+        from weld_force_ros.fit_figure import fit_figure
+
+        name = f"{made.track}.{made.engine}".replace("/", "_")
+        try:
+            fits.write(made, out / f"{name}.json")
+        except OSError as error:
+            raise InputError(f"{out}: {error.strerror or error}", "name a writable folder") from None
+        report.save(fit_figure(definition, made), out / f"{name}.png")
+        terminal.say(f"written: {out / name}.json and .png")
+    if not definition.track.causal:
+        terminal.say(
+            f"Loss factors are not causal: {100 * made.acausal_energy_share:.1f} % of the impulse response's energy "
+            "lies before the impulse, and no model in time reproduces the receptance; the last column shows what a "
+            "mere cut costs."
+        )
+
+
+def _show_fit(made: "AnyFit") -> None:
+    from weld_force_ros import terminal
+    from weld_force_ros.fits import RfpFit
+
     bands = zip(made.bands_hz[::2], made.bands_hz[1::2], made.error_by_band, made.acausal_floor_by_band, strict=True)
     terminal.table(
         f"{made.track}: {made.engine} of order {made.order}; RMS error relative to what the contact sees",
@@ -295,11 +351,11 @@ def fit(
         [(f"{low:g} - {high:g}", f"{100 * error:.2f}", f"{100 * floor:.2f}") for low, high, error, floor in bands]
         + [("all", f"{100 * made.error:.2f}", "")],
     )
-    if not definition.track.causal:
+    if isinstance(made, RfpFit):
+        error, variation = made.front_error[made.knee], made.front_variation[made.knee]
         terminal.say(
-            f"Loss factors are not causal: {100 * made.acausal_energy_share:.1f} % of the impulse response's energy "
-            "lies before the impulse, and no model in time reproduces the receptance; the last column shows what a "
-            "mere cut costs."
+            f"chosen of {len(made.front_error)} on the front: error {100 * error:.2f} %, variation {variation:.3f}; "
+            f"weights 1/|h|: {100 * made.plain_error:.2f} %, {made.plain_variation:.3f}"
         )
 
 

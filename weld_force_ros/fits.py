@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, overload
 
 import msgspec
 import numpy as np
@@ -19,9 +19,10 @@ import platformdirs
 from threadpoolctl import threadpool_limits
 
 from weld_force_ros import __version__
+from weld_force_ros.core import rfp_weights
 from weld_force_ros.core.causality import acausal
 from weld_force_ros.core.poles import BAND_HZ, REPORT_BANDS, PoleModel, default_fit, relative_error
-from weld_force_ros.errors import InputError
+from weld_force_ros.core.rfp import RfpModel
 from weld_force_ros.tracks import TrackDefinition
 
 # Part of every fit's key: raise it when the fit of the same track would come out differently.
@@ -76,10 +77,79 @@ class PolesFit(Fit, kw_only=True, tag="common-poles"):
         )
 
 
-def key_of(definition: TrackDefinition, engine: FittedEngine = "common-poles") -> str:
+class RfpFit(Fit, kw_only=True, tag="rfp"):
+    """Rational fractions; tables are row-major (section, coefficient) or (section, pole).
+
+    `front_*` are the objectives of all fits that the search found unbeaten, `knee` the chosen one among them, `plain_*`
+    those of the fit with weights 1 / |h|; `genes` are the chosen weights' logarithms and the tie's.
+    """
+
+    seed: int
+    generations: int
+    population: int
+    section_count: int
+    scale_rad_s: float
+    denominator: list[float]
+    numerator: list[float]
+    poles_re_rad_s: list[float]
+    poles_im_rad_s: list[float]
+    genes: list[float]
+    front_error: list[float]
+    front_variation: list[float]
+    knee: int
+    plain_error: float
+    plain_variation: float
+
+    def model(self) -> RfpModel:
+        """The fitted track."""
+        shape = (self.section_count, self.order)
+        return RfpModel(
+            denominator=np.array(self.denominator).reshape(shape),
+            numerator=np.array(self.numerator).reshape(shape),
+            spacing_m=self.spacing_m,
+            scale_rad_s=self.scale_rad_s,
+        )
+
+
+AnyFit = PolesFit | RfpFit
+
+
+class Search(msgspec.Struct, frozen=True):
+    """How the rational fractions of a track are searched for."""
+
+    degree: int = rfp_weights.DEGREE
+    section_count: int = rfp_weights.SECTIONS
+    seed: int = 1
+    generations: int = rfp_weights.GENERATIONS
+    population: int = rfp_weights.POPULATION
+
+
+class _Interrupted(msgspec.Struct):
+    """A search's state between two generations."""
+
+    key: str
+    generation: int
+    genes: list[list[float]]
+
+
+def key_of(definition: TrackDefinition, engine: FittedEngine = "common-poles", searched: Search | None = None) -> str:
     """Identity of a fit: the numbers it depends on, not the text they came in."""
     content = [FIT_VERSION, engine, asdict(definition.track) | {"name": ""}, asdict(definition.wheel)]
+    if engine == "rfp":
+        content.append(msgspec.to_builtins(searched or Search()))
     return hashlib.sha256(msgspec.json.encode(content, order="sorted")).hexdigest()
+
+
+@overload
+def fitted(
+    definition: TrackDefinition, engine: Literal["common-poles"] = ..., *, on_fit: Callable[[str], None] | None = ...
+) -> PolesFit: ...
+
+
+@overload
+def fitted(
+    definition: TrackDefinition, engine: FittedEngine, *, on_fit: Callable[[str], None] | None = ...
+) -> AnyFit: ...
 
 
 def fitted(
@@ -87,37 +157,51 @@ def fitted(
     engine: FittedEngine = "common-poles",
     *,
     on_fit: Callable[[str], None] | None = None,
-) -> PolesFit:
+) -> AnyFit:
     """The fit of a track: shipped, cached, or made now and cached.
 
     Args:
         definition: the track and its own wheel, by which errors are weighed.
         engine: which kind of fit.
-        on_fit: told, in words, if the fit has to be made, which takes some seconds.
+        on_fit: told, in words, if the fit has to be made and how long that takes.
     """
     key = key_of(definition, engine)
     shipped_file = _DATA / "fits" / f"{definition.track.name}.{engine}.json"
-    cached_file = platformdirs.user_cache_path("weld_force_ros") / "fits" / f"{key}.json"
+    cached_file = _cache() / f"{key}.json"
     for file in (shipped_file, cached_file):
         if (found := _read(file, key)) is not None:
             return found
     if on_fit:
-        on_fit(f"fitting track {definition.track.name}, once")
+        how_long = "some minutes" if engine == "rfp" else "some seconds"
+        on_fit(f"fitting track {definition.track.name} for engine {engine}, once: {how_long}")
     fit = make(definition, engine)
-    with contextlib.suppress(OSError):  # a read-only home costs time at the next start, nothing else
-        write(fit, cached_file)
+    keep(fit)
     return fit
 
 
-def make(definition: TrackDefinition, engine: FittedEngine = "common-poles") -> PolesFit:
-    """Fit a track now."""
-    if engine != "common-poles":
-        raise InputError(f"engine {engine!r} has no fit", "use common-poles")
+def keep(fit: AnyFit) -> None:
+    """Put a fit into the user's cache."""
+    with contextlib.suppress(OSError):  # a read-only home costs time at the next start, nothing else
+        write(fit, _cache() / f"{fit.key}.json")
+
+
+def make(definition: TrackDefinition, engine: FittedEngine = "common-poles") -> AnyFit:
+    """Fit a track now.
+
+    Raises:
+        InputError: the search for rational fractions needs a package that is missing.
+        NumericalError: no usable fit was found.
+    """
+    return make_rfp(definition) if engine == "rfp" else make_poles(definition)
+
+
+def make_poles(definition: TrackDefinition) -> PolesFit:
+    """Fit common poles to a track."""
     # Many small factorisations: a second BLAS thread makes them many times slower where another program computes.
     with threadpool_limits(limits=1, user_api="blas"):
         model = default_fit(definition.track, definition.wheel.compliance)
     return PolesFit(
-        **_account(definition, engine, model),
+        **_account(definition, key_of(definition), model),
         section_m=model.section_m.tolist(),
         poles_re_rad_s=model.poles_rad_s.real.tolist(),
         poles_im_rad_s=model.poles_rad_s.imag.tolist(),
@@ -126,12 +210,75 @@ def make(definition: TrackDefinition, engine: FittedEngine = "common-poles") -> 
     )
 
 
-def _account(definition: TrackDefinition, engine: FittedEngine, model: PoleModel) -> dict[str, Any]:
+def make_rfp(
+    definition: TrackDefinition,
+    searched: Search | None = None,
+    *,
+    on_generation: Callable[[rfp_weights.Progress], None] | None = None,
+) -> RfpFit:
+    """Search rational fractions of a track; what an interrupted search had reached is taken up from the cache.
+
+    Raises:
+        InputError: a degree or section count out of range, or pymoo is missing.
+        NumericalError: no fit found that is stable and bounded.
+    """
+    how = searched or Search()
+    key = key_of(definition, "rfp", how)
+    task = rfp_weights.FitTask(definition.track, definition.wheel, degree=how.degree, section_count=how.section_count)
+    state_file = _cache() / f"search-{key}.json"
+
+    def note(progress: rfp_weights.Progress) -> None:
+        now = progress.population
+        with contextlib.suppress(OSError):
+            _write_whole(msgspec.json.encode(_Interrupted(key, now.generation, now.genes.tolist())), state_file)
+        if on_generation:
+            on_generation(progress)
+
+    front = rfp_weights.search(
+        task,
+        seed=how.seed,
+        population=how.population,
+        generations=how.generations,
+        on_generation=note,
+        resume_from=_interrupted(state_file, key),
+    )
+    with contextlib.suppress(OSError):
+        state_file.unlink(missing_ok=True)
+    genes = front.genes[front.knee]
+    model = task.fit_at(genes)
+    poles = model.poles()
+    return RfpFit(
+        **_account(definition, key, model),
+        **{name: getattr(how, name) for name in ("seed", "generations", "population")},
+        section_count=len(model.denominator),
+        scale_rad_s=model.scale_rad_s,
+        denominator=model.denominator.ravel().tolist(),
+        numerator=model.numerator.ravel().tolist(),
+        poles_re_rad_s=poles.real.ravel().tolist(),
+        poles_im_rad_s=poles.imag.ravel().tolist(),
+        genes=genes.tolist(),
+        front_error=front.error.tolist(),
+        front_variation=front.variation.tolist(),
+        knee=front.knee,
+        plain_error=front.plain[0],
+        plain_variation=front.plain[1],
+    )
+
+
+def _interrupted(file: Path, key: str) -> rfp_weights.Population | None:
+    try:
+        state = msgspec.json.decode(file.read_bytes(), type=_Interrupted)
+    except (OSError, msgspec.DecodeError):
+        return None
+    return rfp_weights.Population(state.generation, np.array(state.genes)) if state.key == key else None
+
+
+def _account(definition: TrackDefinition, key: str, model: PoleModel | RfpModel) -> dict[str, Any]:
     """What every fit says of itself."""
     track, compliance = definition.track, definition.wheel.compliance
     before = acausal(track, track.spacing_m / 2)
     return {
-        "key": key_of(definition, engine),
+        "key": key,
         "track": track.name,
         "software": f"weld_force_ros {__version__}",
         "order": model.order,
@@ -144,13 +291,17 @@ def _account(definition: TrackDefinition, engine: FittedEngine, model: PoleModel
     }
 
 
-def write(fit: PolesFit, path: Path) -> None:
+def write(fit: AnyFit, path: Path) -> None:
     """Write a fit so that another process sees either the whole file or none."""
+    _write_whole(msgspec.json.format(msgspec.json.encode(fit), indent=0) + b"\n", path)
+
+
+def _write_whole(data: bytes, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(msgspec.json.format(msgspec.json.encode(fit), indent=0) + b"\n")
+            file.write(data)
         Path(name).chmod(0o644)
         Path(name).replace(path)
     except BaseException:
@@ -158,10 +309,14 @@ def write(fit: PolesFit, path: Path) -> None:
         raise
 
 
-def _read(file: resources.abc.Traversable, key: str) -> PolesFit | None:
+def _cache() -> Path:
+    return platformdirs.user_cache_path("weld_force_ros") / "fits"
+
+
+def _read(file: resources.abc.Traversable, key: str) -> AnyFit | None:
     """A fit file of that key, or None: a damaged cache entry is as good as none."""
     try:
-        fit = msgspec.json.decode(file.read_bytes(), type=PolesFit)
+        fit: AnyFit = msgspec.json.decode(file.read_bytes(), type=AnyFit)
         fit.model()
     except (OSError, ValueError):
         return None

@@ -17,7 +17,12 @@ if TYPE_CHECKING:
 BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#666666"
 
 
-def _figure(width_in: float, height_in: float) -> "Figure":
+def new_figure(width_in: float, height_in: float) -> "Figure":
+    """An empty figure.
+
+    Raises:
+        InputError: matplotlib is not installed.
+    """
     try:
         from matplotlib.figure import Figure
     except ImportError:
@@ -40,7 +45,7 @@ def save(figure: "Figure", path: Path) -> None:
 
 def compare_maps(rows: Sequence[tuple[WeldProfile, ForceMap]]) -> "Figure":
     """Profile and force map of several welds side by side, on one colour scale."""
-    figure = _figure(5.2 * len(rows), 6.6)
+    figure = new_figure(5.2 * len(rows), 6.6)
     axes = figure.subplots(2, len(rows), height_ratios=[1, 2.6], squeeze=False)
     highest = max(max(m.peak_force_n) for _, m in rows) / 1e3
     lowest = min(min(m.peak_force_n) for _, m in rows) / 1e3
@@ -55,7 +60,7 @@ def compare_maps(rows: Sequence[tuple[WeldProfile, ForceMap]]) -> "Figure":
 
 def one_weld(profile: WeldProfile, force_map: ForceMap, history: ForceHistory) -> "Figure":
     """A weld on one page: profile, force map, force against speed, and the worst passage."""
-    figure = _figure(11, 7.6)
+    figure = new_figure(11, 7.6)
     (top_left, top_right), (bottom_left, bottom_right) = figure.subplots(2, 2)
     _draw_profile(top_left, profile)
     peaks = np.array(force_map.peak_force_n) / 1e3

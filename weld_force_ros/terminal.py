@@ -5,10 +5,11 @@ from collections.abc import Iterable
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-from rich.table import Table
+from rich.table import Table as Grid
 from rich.text import Text
 
 from weld_force_ros.contract import ForceMap, Limit, Rejection, Verdict
+from weld_force_ros.studies.tables import Table
 
 # Piped into a file, tables keep a width that people can read.
 console = Console(stderr=True, highlight=False, width=None if sys.stderr.isatty() else 120)
@@ -38,12 +39,23 @@ def progress() -> Progress:
 def table(title: str, columns: Iterable[tuple[str, str]], rows: Iterable[Iterable[str | Text]]) -> None:
     """Print a table; each column is its heading and its alignment."""
     console.print(Text(title, style="bold"))
-    grid = Table()
+    grid = Grid()
     for heading, alignment in columns:
         grid.add_column(heading, justify="right" if alignment == "right" else "left")
     for row in rows:
         grid.add_row(*(cell if isinstance(cell, Text) else Text(cell) for cell in row))
     console.print(grid)
+
+
+def show_table(found: Table) -> None:
+    """A study's table; numbers to the right."""
+    shown = [(i, column) for i, column in enumerate(found.columns) if column.heading]
+    texts = [any(isinstance(row[i], str) for row in found.rows) for i, _ in shown]
+    table(
+        found.title,
+        [(column.heading, "" if text else "right") for (_, column), text in zip(shown, texts, strict=True)],
+        [[column.shown(row[i]) for i, column in shown] for row in found.rows],
+    )
 
 
 def show_maps(maps: Iterable[ForceMap]) -> None:

@@ -14,6 +14,7 @@ side is not, and costs over 2 % at 300 km/h near a sleeper.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -285,8 +286,15 @@ def _as_complex(real: Real, poles: Complex) -> Complex:
     return np.array(values)
 
 
+class ReceptanceModel(Protocol):
+    """A fitted track in the frequency domain."""
+
+    def receptance(self, frequency_hz: ArrayLike, at_m: ArrayLike) -> Complex:
+        """Fitted point receptance, m/N, (n_at, n_frequency)."""
+
+
 def relative_error(
-    model: PoleModel, track: Track, contact_compliance: Callable[[Real], Complex], band_hz: ErrorBand = BAND_HZ
+    model: ReceptanceModel, track: Track, contact_compliance: Callable[[Real], Complex], band_hz: ErrorBand = BAND_HZ
 ) -> float:
     """RMS over band and span of |fit - exact| / |exact + c|, between the fitted sections as well as on them."""
     frequency = np.geomspace(*band_hz, 200)

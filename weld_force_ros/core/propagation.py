@@ -68,7 +68,7 @@ def first_order_hold(poles: Complex, dt_s: float) -> tuple[Complex, Complex, Com
 
 
 def exponentials(matrices: Real) -> Real:
-    """exp of many small matrices at once, (n, m, m): Taylor series of degree 13 by scaling and squaring.
+    """Matrix exponential of many small matrices at once, (n, m, m): Taylor series of degree 13 by scaling and squaring.
 
     `scipy.linalg.expm` takes them one by one, a hundred times slower.
     """

@@ -1,0 +1,112 @@
+"""Grids of shapes, speeds and positions, rolled over by the reference and then by any engine.
+
+Wheel flats are cosine dips, as deep and long as in reality: the 0.9 mm flat of the 2018 paper is 100 mm long, which is
+1.757 times the chord sqrt(8 R d) of a fresh flat. The flats of 1 and 2 mm (its Fig. 8, after Pieringer, whose exact
+form the paper does not give) are taken to be rounded likewise: 105 and 149 mm.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from weld_force_ros import profiles, tracks
+from weld_force_ros.core.passage import Surface
+from weld_force_ros.core.shapes import cosine_dip
+from weld_force_ros.core.track import Real
+from weld_force_ros.core.weld import Trajectory, wheel_trajectory
+from weld_force_ros.errors import NumericalError
+from weld_force_ros.studies.comparison import Passage
+from weld_force_ros.studies.reference_peaks import ReferencePeaks
+from weld_force_ros.tracks import TrackDefinition
+
+_RADIUS_M = 0.45
+_ROUNDING = 0.100 / np.sqrt(8 * _RADIUS_M * 0.9e-3)
+_SAMPLE_M = 0.5e-3
+
+# Length and depth of cosine dips that are not among the shipped profiles; a negative depth makes a protrusion.
+COSINES_M = {
+    "wheel-flat-1mm": (_ROUNDING * np.sqrt(8 * _RADIUS_M * 1e-3), 1e-3),
+    "wheel-flat-2mm": (_ROUNDING * np.sqrt(8 * _RADIUS_M * 2e-3), 2e-3),
+    "protrusion-0.3mm": (0.100, -0.3e-3),
+    "long-dip-0.2mm": (1.0, 0.2e-3),
+}
+
+
+class Rolling(Protocol):
+    """A wheel on a track, by whatever engine."""
+
+    def surface(self, trajectory: Trajectory, speeds_kmh: ArrayLike, positions_m: ArrayLike) -> Surface:
+        """As `weld_force_ros.core.passage.Rig.surface`."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Every shape at every speed and position, on one track."""
+
+    track: str
+    shapes: tuple[str, ...]
+    speeds_kmh: tuple[float, ...]
+    position_count: int
+
+
+@dataclass(frozen=True)
+class ReferenceGrid:
+    """A grid and what the reference says about it: peak forces in N, (n_shape, n_speed, n_position)."""
+
+    grid: Grid
+    definition: TrackDefinition
+    trajectories: list[Trajectory]
+    positions_m: Real
+    peak_n: Real
+
+    def compared(self, engine: str, rig: Rolling) -> list[Passage]:
+        """Every passage of the grid by another engine beside the reference's; NaN where it cannot follow."""
+        passages = []
+        speeds, positions = self.grid.speeds_kmh, self.positions_m.tolist()
+        for shape, trajectory, reference in zip(self.grid.shapes, self.trajectories, self.peak_n, strict=True):
+            peak_n = peaks(rig, trajectory, speeds, self.positions_m)
+            passages += [
+                Passage(self.grid.track, engine, shape, speed, position, float(reference[i, j]), float(peak_n[i, j]))
+                for i, speed in enumerate(speeds)
+                for j, position in enumerate(positions)
+            ]
+        return passages
+
+
+def peaks(rig: Rolling, trajectory: Trajectory, speeds_kmh: Sequence[float], positions_m: Real) -> Real:
+    """Peak forces over one shape, N, (n_speed, n_position); NaN at speeds that the engine cannot follow."""
+    try:
+        return rig.surface(trajectory, speeds_kmh, positions_m).peak_force_n
+    except NumericalError:
+        if len(speeds_kmh) == 1:
+            return np.full((1, len(positions_m)), np.nan)
+        return np.concatenate([peaks(rig, trajectory, [speed], positions_m) for speed in speeds_kmh])
+
+
+def referenced(grid: Grid, kept: ReferencePeaks, on_speed: Callable[[], object]) -> ReferenceGrid:
+    """The reference's peak forces on a grid, computed or found in `kept`."""
+    definition = tracks.load(grid.track)
+    trajectories = [trajectory(shape, definition) for shape in grid.shapes]
+    positions = np.arange(grid.position_count) * definition.track.spacing_m / grid.position_count
+    peaks = []
+    for speed in grid.speeds_kmh:
+        peaks.append(kept.at_speed(definition, trajectories, speed, positions)[:, 0])
+        on_speed()
+    return ReferenceGrid(grid, definition, trajectories, positions, np.stack(peaks, axis=1))
+
+
+def trajectory(shape: str, definition: TrackDefinition) -> Trajectory:
+    """The wheel centre's trajectory over a shape of `COSINES_M` or a shipped profile.
+
+    Raises:
+        InputError: there is no such shape.
+    """
+    if shape in COSINES_M:
+        length, depth = COSINES_M[shape]
+        x = np.linspace(-length / 2, length / 2, round(length / _SAMPLE_M) + 1)
+        return wheel_trajectory(x, cosine_dip(x, length, depth), definition.wheel.radius_m)
+    profile = profiles.read_profile(profiles.find(shape))
+    return wheel_trajectory(np.array(profile.x_m), np.array(profile.z_m), definition.wheel.radius_m)

@@ -1,0 +1,127 @@
+"""What the order of `common-poles` does to its fit, to peak forces, and to the sharp angles of the force-speed curve.
+
+A sharp angle is where another peak of the force history takes over as the largest: the peak's place jumps by more than
+a tenth of the dip. The paper finds the second one of the 48 mm cosine dip, on the continuous track, at 112 km/h.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from weld_force_ros import tracks
+from weld_force_ros.core.passage import Rig
+from weld_force_ros.core.poles import PoleModel, fit_track, relative_error
+from weld_force_ros.core.track import Real
+from weld_force_ros.studies import Stage
+from weld_force_ros.studies.comparison import Error, error_of
+from weld_force_ros.studies.grids import ReferenceGrid, trajectory
+from weld_force_ros.studies.reference_peaks import ReferencePeaks
+from weld_force_ros.studies.tables import Cell, Column, Table
+from weld_force_ros.tracks import TrackDefinition
+
+ORDERS = (4, 6, 8, 10, 12, 14, 16)
+ANGLE_TRACK = "bilbao-continuous"
+ANGLE_SHAPE = "cosine-dip-48mm"
+ANGLE_LENGTH_M = 0.048
+ANGLE_SPEEDS_KMH = tuple(float(v) for v in range(60, 141))
+PAPERS_SECOND_ANGLE_KMH = 112.0
+
+
+@dataclass(frozen=True)
+class OrderEffect:
+    """A track fitted with so many states; no order: the reference.
+
+    Attributes:
+        fit_error_percent: relative to what the contact sees, RMS over band and span.
+        error: of peak forces; None on the track of the sharp angles.
+        sharp_angles_kmh: on that track only.
+    """
+
+    track: str
+    order: int | None
+    fit_error_percent: float | None
+    error: Error | None
+    sharp_angles_kmh: list[float]
+
+
+def order_effects(
+    grids: Sequence[ReferenceGrid],
+    kept: ReferencePeaks,
+    stage: Stage,
+    *,
+    orders: Sequence[int] = ORDERS,
+    speeds_kmh: Sequence[float] = ANGLE_SPEEDS_KMH,
+) -> list[OrderEffect]:
+    """Fit every track with every order and compare; the reference's sharp angles come last.
+
+    Args:
+        grids: passages with the reference's peak forces.
+        kept: where the reference's results are kept.
+        stage: told of progress.
+        orders: numbers of states.
+        speeds_kmh: where sharp angles are looked for.
+    """
+    effects = []
+    step = stage("orders of common-poles", len(orders) * (len(grids) + 1))
+    for grid in grids:
+        for order in orders:
+            model, fit_error = _fitted(grid.definition, order)
+            error = error_of(grid.compared(f"order {order}", Rig(model, grid.definition.wheel)))
+            effects.append(OrderEffect(grid.grid.track, order, fit_error, error, []))
+            step()
+    definition = tracks.load(ANGLE_TRACK)
+    dip = trajectory(ANGLE_SHAPE, definition)
+    for order in orders:
+        model, fit_error = _fitted(definition, order)
+        places = Rig(model, definition.wheel).surface(dip, speeds_kmh, [0.0]).peak_x_m[:, 0]
+        effects.append(OrderEffect(ANGLE_TRACK, order, fit_error, None, sharp_angles(speeds_kmh, places)))
+        step()
+    places = _reference_places(definition, kept, speeds_kmh, stage("the reference's sharp angles", len(speeds_kmh)))
+    effects.append(OrderEffect(ANGLE_TRACK, None, None, None, sharp_angles(speeds_kmh, places)))
+    return effects
+
+
+def sharp_angles(speeds_kmh: Sequence[float], peak_x_m: Real, length_m: float = ANGLE_LENGTH_M) -> list[float]:
+    """Speeds, halfway between two given ones, at which the peak's place (n_speed,) jumps."""
+    speeds = np.asarray(speeds_kmh)
+    jumps = np.abs(np.diff(peak_x_m)) > length_m / 10
+    halfway: list[float] = ((speeds[:-1] + speeds[1:]) / 2)[jumps].tolist()
+    return halfway
+
+
+def _fitted(definition: TrackDefinition, order: int) -> tuple[PoleModel, float]:
+    with threadpool_limits(limits=1, user_api="blas"):
+        model = fit_track(definition.track, definition.wheel.compliance, order)
+        return model, 100 * relative_error(model, definition.track, definition.wheel.compliance)
+
+
+def _reference_places(
+    definition: TrackDefinition, kept: ReferencePeaks, speeds_kmh: Sequence[float], on_speed: Callable[[], object]
+) -> Real:
+    dip = trajectory(ANGLE_SHAPE, definition)
+    places = []
+    for speed in speeds_kmh:
+        places.append(kept.at_speed(definition, [dip], speed, np.zeros(1))[0, 1, 0])
+        on_speed()
+    return np.array(places)
+
+
+def order_table(effects: Sequence[OrderEffect]) -> Table:
+    """A row for each track and order; `reference` in the place of an order."""
+    columns = (
+        Column("track", "track"),
+        Column("order", "order"),
+        Column("fit_error_percent", "fit error %", 2),
+        Column("peak_rms_percent", "peak RMS %", 2),
+        Column("peak_max_percent", "peak max %", 2),
+        Column("first_sharp_angle_kmh", "1st sharp angle km/h", 1),
+        Column("second_sharp_angle_kmh", "2nd sharp angle km/h", 1),
+    )
+    rows: list[tuple[Cell, ...]] = []
+    for e in effects:
+        peaks = (e.error.rms_percent, e.error.max_percent) if e.error else (None, None)
+        first, second = (*e.sharp_angles_kmh, None, None)[:2]
+        rows.append((e.track, "reference" if e.order is None else e.order, e.fit_error_percent, *peaks, first, second))
+    return Table("Order of common-poles; 48 mm cosine dip on the continuous track: sharp angles", columns, rows)

@@ -1,0 +1,85 @@
+"""Peak forces by the `reference` engine, which takes a second a passage: computed once and kept in a folder."""
+
+import contextlib
+import hashlib
+import inspect
+import os
+import tempfile
+import zipfile
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from weld_force_ros import __version__
+from weld_force_ros.core import reference, track
+from weld_force_ros.core.track import Real
+from weld_force_ros.core.weld import Trajectory
+from weld_force_ros.tracks import TrackDefinition
+
+
+@dataclass(frozen=True)
+class ReferencePeaks:
+    """A folder with a file for each track, wheel, speed and set of positions; in it, an entry for each weld.
+
+    A damaged file is as good as none, and so is one that another version of the engine has made.
+    """
+
+    folder: Path
+
+    def at_speed(
+        self, definition: TrackDefinition, trajectories: Sequence[Trajectory], speed_kmh: float, positions_m: Real
+    ) -> Real:
+        """Peak force (N) and its place (m) of every passage at one speed, (n_trajectory, 2, n_position).
+
+        Raises:
+            InputError: the folder cannot be written; a speed or position that cannot be simulated.
+        """
+        path = self.folder / f"{_key(definition, speed_kmh, positions_m)}.npz"
+        welds = [_digest(t.start_m, t.height_m) for t in trajectories]
+        known = _read(path)
+        missing = {weld: t for weld, t in zip(welds, trajectories, strict=True) if weld not in known}
+        if missing:
+            rig = reference.GreenRig(definition.track, definition.wheel)
+            surfaces = rig.surfaces(list(missing.values()), [speed_kmh], positions_m)
+            known |= {
+                weld: np.concatenate([s.peak_force_n, s.peak_x_m]) for weld, s in zip(missing, surfaces, strict=True)
+            }
+            _write(path, known)
+        return np.stack([known[weld] for weld in welds])
+
+
+def _key(definition: TrackDefinition, speed_kmh: float, positions_m: Real) -> str:
+    numbers = [_engine(), asdict(definition.track) | {"name": ""}, asdict(definition.wheel), float(speed_kmh)]
+    return _digest(msgspec.json.encode(numbers, order="sorted").decode(), positions_m)
+
+
+def _digest(number: float | str, array: Real) -> str:
+    return hashlib.sha256(repr(number).encode() + np.asarray(array, dtype=np.float64).tobytes()).hexdigest()[:32]
+
+
+@cache
+def _engine() -> str:
+    """Identity of what computes: the engine's constants decide on the result as much as its formulas."""
+    sources = [inspect.getsource(module) for module in (reference, track)]
+    return hashlib.sha256("".join([__version__, *sources]).encode()).hexdigest()
+
+
+def _read(path: Path) -> dict[str, Real]:
+    # Opened here: of a damaged file, np.load leaves the handle open.
+    with contextlib.suppress(OSError, ValueError, EOFError, zipfile.BadZipFile), path.open("rb") as file:
+        entries = np.load(file)
+        return {name: entries[name] for name in entries.files}
+    return {}
+
+
+def _write(path: Path, entries: dict[str, Real]) -> None:
+    """Write so that a run that is stopped leaves the whole file or none."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    with os.fdopen(handle, "wb") as file:
+        np.savez(file, **entries)  # type: ignore[arg-type]  # keywords are arrays, not allow_pickle
+    Path(name).replace(path)

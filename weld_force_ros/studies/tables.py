@@ -1,0 +1,59 @@
+"""Tables of a study: written as CSV, shown on a terminal."""
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+from weld_force_ros.errors import InputError
+
+Cell = str | float | bool | None
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column: its name in the file, which ends in the unit, and how people see it: not at all without a heading."""
+
+    name: str
+    heading: str = ""
+    decimals: int | None = None
+
+    def shown(self, cell: Cell) -> str:
+        """A cell for people; what is missing is a dash."""
+        if cell is None:
+            return "-"
+        if isinstance(cell, bool):
+            return "yes" if cell else "no"
+        if isinstance(cell, str):
+            return cell
+        return f"{cell:g}" if self.decimals is None else f"{cell:.{self.decimals}f}"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows, each with one cell a column; None where there is nothing to say."""
+
+    title: str
+    columns: tuple[Column, ...]
+    rows: list[tuple[Cell, ...]]
+
+    def write_csv(self, path: Path) -> None:
+        """Write the table under its columns' names, to eight digits.
+
+        Raises:
+            InputError: the place cannot be written.
+        """
+        try:
+            with path.open("w", encoding="utf-8", newline="") as file:
+                writer = csv.writer(file)
+                writer.writerow([column.name for column in self.columns])
+                writer.writerows([map(_written, row) for row in self.rows])
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror or error}", "name a writable folder") from None
+
+
+def _written(cell: Cell) -> str:
+    if cell is None:
+        return ""
+    if isinstance(cell, bool):
+        return "yes" if cell else "no"
+    return f"{cell:.8g}" if isinstance(cell, float) else str(cell)
