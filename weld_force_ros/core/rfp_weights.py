@@ -8,8 +8,9 @@ swing is the sharp one: at degree 12 a change of a_12 by half a per cent between
 swing the force by its own size, although nothing grows.
 
 Beside the weights, one more number is searched: how strongly the sections' denominators are tied to the shared one.
-Weights alone are enough for degree 8 on viscous tracks. They are not on tracks with loss factors, where every passage
-at high speed grew or swung by the static load, nor from degree 10 up, where poles hop and peaks came out 7 to 10 % off.
+Weights alone are enough for degree 8 on viscous tracks. They were not on `bilbao`, with its loss factors, where
+passages at high speed grew or the static load swung the force by its own size, nor from degree 10 up, where poles hop:
+peaks came out 7 to 10 % off, or nothing bounded was found.
 """
 
 from collections.abc import Callable, Sequence

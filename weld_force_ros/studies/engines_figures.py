@@ -53,6 +53,7 @@ def error_by_speed(passages: Sequence[Passage]) -> "Figure":
             _draw_errors(panel, [p for p in passages if (p.track, p.engine) == (track, engine)])
             panel.set_title(f"{track}: {engine}", fontweight="bold")
         row[0].set_ylabel("largest difference, %")
+    axes[0, 0].set_ylim(bottom=0.01)  # of all panels, which share it; now that they are drawn
     for panel in axes[-1]:
         panel.set_xlabel("speed, km/h")
         panel.legend(
@@ -70,9 +71,8 @@ def _draw_errors(panel: "Axes", passages: Sequence[Passage]) -> None:
         panel.plot(speeds, errors, color=colour, marker=marker, markersize=4, linewidth=1.2, label=shape)
     _, target = TARGETS.get((passages[0].track, passages[0].engine), (None, None))
     if target is not None:
-        panel.axhline(target, color=_BLACK, linestyle="--", linewidth=1, label=f"target: at most {target:g} %")
+        panel.axhline(target, color=_BLACK, linestyle="--", linewidth=1, label="target (dashed line)")
     panel.set_yscale("log")
-    panel.set_ylim(bottom=0.01)
     panel.yaxis.set_major_formatter("{x:g}")
     panel.grid(color=_GRID, linewidth=0.6)
 
@@ -89,8 +89,10 @@ def flat_curves(curves: Sequence[FlatCurve]) -> "Figure":
                 panel.plot(curve.speeds_kmh, force_kn, "--o", color=_BLACK, markerfacecolor="none", linewidth=0.9,
                            markersize=6, label="reference (at the circles)")  # fmt: skip
             else:
-                panel.plot(curve.speeds_kmh, force_kn, color=_ENGINE_COLOURS.get(curve.engine, GREEN),
-                           linewidth=1.8, label=curve.engine)  # fmt: skip
+                # Curves that coincide lie on one another: the narrower one is drawn over the wider.
+                width = 3.5 if curve.engine == "common-poles" else 1.3
+                colour = _ENGINE_COLOURS.get(curve.engine, GREEN)
+                panel.plot(curve.speeds_kmh, force_kn, color=colour, linewidth=width, label=curve.engine)
         panel.set(xlabel="speed, km/h", title=shape)
         panel.grid(color=_GRID, linewidth=0.6)
     panels[0].set_ylim(bottom=0)
