@@ -1,0 +1,74 @@
+"""Searched fits on disk and by command: resumed, reproduced from their seed, written with picture."""
+
+import json
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import platformdirs
+import pytest
+
+from weld_force_ros import fits, tracks
+from weld_force_ros.cli import main
+from weld_force_ros.core.track import sections, static_compliance
+
+SMALL = fits.Search(degree=6, generations=3, population=8)
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(platformdirs, "user_cache_path", lambda name: tmp_path / name)
+    return tmp_path / "weld_force_ros" / "fits"
+
+
+def test_an_interrupted_search_goes_on_and_ends_as_an_uninterrupted_one(cache: Path):
+    definition = tracks.load("bilbao-continuous")
+    whole = fits.make_rfp(definition, SMALL)
+    seen: list[int] = []
+
+    def stop_after_the_first(progress) -> None:
+        seen.append(progress.population.generation)
+        if len(seen) == 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fits.make_rfp(definition, SMALL, on_generation=stop_after_the_first)
+    assert len(list(cache.glob("search-*.json"))) == 1
+    resumed = fits.make_rfp(definition, SMALL, on_generation=lambda now: seen.append(now.population.generation))
+    assert seen == [1, 2, 3]
+    assert msgspec.to_builtins(resumed) == msgspec.to_builtins(whole)
+    assert list(cache.glob("search-*.json")) == []
+
+
+def test_fit_command_writes_what_it_says(cache: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    options = ["--degree", "6", "--generations", "3", "--population", "8", "--out", str(tmp_path / "out")]
+    code = main(["fit", "bilbao-continuous", *options, "--json", "-"])
+    out, err = capfd.readouterr()
+    printed = json.loads(out)
+    assert code == 0
+    assert (printed["engine"], printed["order"], printed["seed"]) == ("rfp", 6, 1)
+    assert json.loads((tmp_path / "out" / "bilbao-continuous.rfp.json").read_text()) == printed
+    assert (tmp_path / "out" / "bilbao-continuous.rfp.png").read_bytes().startswith(b"\x89PNG")
+    assert "error" in err
+
+
+@pytest.mark.parametrize("options", [["--degree", "20"], ["--engine", "magic"], ["--generations", "0"]])
+def test_a_fit_that_cannot_be_is_one_line(cache: Path, options: list[str], capfd: pytest.CaptureFixture[str]):
+    assert main(["fit", "bilbao-continuous", *options]) == 2
+    out, err = capfd.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+
+
+@pytest.mark.parametrize("name", tracks.shipped())
+@pytest.mark.parametrize("engine", ["common-poles", "rfp"])
+def test_shipped_fits_hold_the_exact_static_stiffness_of_every_section(name: str, engine: str, cache: Path):
+    definition = tracks.load(name)
+    model = fits.fitted(definition, engine).model()
+    assert not cache.exists()  # it was shipped, not made
+    at = sections(definition.track, len(model.section_m))
+    exact = static_compliance(definition.track, at)
+    np.testing.assert_allclose(model.static_compliance(at), exact, rtol=1e-6)
+    between = np.linspace(0.0, definition.track.spacing_m, 61)
+    np.testing.assert_allclose(
+        model.static_compliance(between), static_compliance(definition.track, between), rtol=5e-3
+    )
