@@ -26,7 +26,7 @@ LONGEST_STEP_M = 0.5e-3
 RUN_OUT_S = 0.08
 _SETTLED = 1e-5  # of the static load
 _MOST_SPANS = 1000
-_MOST_REMEMBERED = 64
+_MOST_REMEMBERED = 24  # some 10 MB each
 # Lanes exist in compiled code only; without compilation (NUMBA_DISABLE_JIT) passages roll one after the other.
 SIDE_BY_SIDE = not numba.config.DISABLE_JIT
 
@@ -178,8 +178,7 @@ class Rig:
             rows, some = task
             batch = self._batch(tuple(speeds[rows]))
             ends_m = positions[some] + trajectory.end_m
-            found = self._peaks(batch, starts[some], ends_m, irregularities[some])
-            results[rows, some] = found
+            results[rows, some] = self._peaks(batch, starts[some], ends_m, irregularities[some])
             if on_speed and some.stop is None:
                 for _ in rows:
                     on_speed()
@@ -235,11 +234,13 @@ class Rig:
 
     def _batch(self, speeds: tuple[float, ...]) -> _Batch:
         """A batch's tables, remembered: the next weld is likely to be rolled over at the same speeds."""
-        if speeds not in self._remembered:
+        batch = self._remembered.get(speeds)
+        if batch is None:
+            batch = _Batch([self._rolling(speed) for speed in speeds], speeds)
             if len(self._remembered) >= _MOST_REMEMBERED:
-                self._remembered.clear()
-            self._remembered[speeds] = _Batch([self._rolling(speed) for speed in speeds], speeds)
-        return self._remembered[speeds]
+                self._remembered.clear()  # another thread may be at it too: nothing is looked up twice
+            self._remembered[speeds] = batch
+        return batch
 
     def _peaks(self, batch: _Batch, starts: NDArray[np.int64], ends_m: Real, irregularities: Real) -> Real:
         """(n_speed, n_position, 4) of a batch."""

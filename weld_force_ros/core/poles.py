@@ -94,7 +94,7 @@ class PoleModel:
         )
 
     def _shapes_on_grid(self, at_m: Real) -> Complex:
-        """`shapes_at`, remembered for the last grid: every speed asks for one of a few."""
+        """`shapes_at`, remembered: every speed asks for one of a few grids."""
         key = at_m.tobytes()
         if key not in self._grids:
             self._grids[key] = self.shapes_at(at_m)
