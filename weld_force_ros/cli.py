@@ -124,9 +124,7 @@ def up(
     from weld_force_ros import terminal
 
     run_suite = _ros("run").run_suite
-    # Refused here in one line, rather than by a node's parameter.
-    _settings(track, engine, speeds, positions, wheel_mass_kg, static_load_n, wheel_radius_m, hertz_n_per_m15)
-    simulator = {
+    simulator: dict[str, Any] = {
         "track": track,
         "engine": engine,
         "speeds": speeds,
@@ -136,6 +134,7 @@ def up(
         "wheel_radius_m": wheel_radius_m,
         "hertz_n_per_m15": hertz_n_per_m15,
     }
+    _settings(**simulator)  # refused here in one line, rather than by a node's parameter
     profile = {"folder": str(folder), "x_unit": x_unit, "z_unit": z_unit, "z_positive": z_positive, "spacing": spacing}
     assessment = {"limits": str(limits) if limits else None, "bag": str(bag) if bag else None}
     parameters: dict[str, dict[str, Any]] = {"profile": profile, "simulator": simulator, "assessment": assessment}
