@@ -15,8 +15,8 @@ import pytest
 
 from weld_force_ros import assess, tracks
 from weld_force_ros.cli import main
-from weld_force_ros.core.passage import Surface
 from weld_force_ros.core.reference import GreenRig
+from weld_force_ros.core.surface import Surface
 from weld_force_ros.core.weld import Trajectory
 from weld_force_ros.errors import NumericalError
 from weld_force_ros.studies.comparison import Passage, error_of, grouped

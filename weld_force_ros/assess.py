@@ -25,12 +25,13 @@ from weld_force_ros.contract import (
     limits_sha256,
 )
 from weld_force_ros.core.causality import acausal
-from weld_force_ros.core.passage import Rig, Wheel
+from weld_force_ros.core.passage import Rig
 from weld_force_ros.core.poles import BAND_HZ
 from weld_force_ros.core.reference import GreenRig
 from weld_force_ros.core.track import Real
 from weld_force_ros.core.verdict import MEASURES, find
 from weld_force_ros.core.weld import Trajectory, wheel_trajectory
+from weld_force_ros.core.wheel import Wheel
 from weld_force_ros.errors import InputError, MessageError
 
 SOFTWARE = f"weld_force_ros {__version__}"

@@ -11,8 +11,8 @@ import msgspec
 import yaml
 from msgspec import Meta
 
-from weld_force_ros.core.passage import Wheel
 from weld_force_ros.core.track import Rail, Spring, Track
+from weld_force_ros.core.wheel import Wheel
 from weld_force_ros.errors import TrackError
 
 _DATA = resources.files("weld_force_ros.data")

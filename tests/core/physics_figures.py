@@ -9,8 +9,9 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from weld_force_ros import fits, tracks
-from weld_force_ros.core.passage import Rig, Surface
+from weld_force_ros.core.passage import Rig
 from weld_force_ros.core.shapes import cosine_dip
+from weld_force_ros.core.surface import Surface
 from weld_force_ros.core.track import pinned_pinned_hz, receptance, static_compliance
 from weld_force_ros.core.weld import Trajectory, wheel_trajectory
 

@@ -1,4 +1,4 @@
-"""Eight passages side by side are the same eight passages one after the other."""
+"""Passages side by side are the same passages one after the other."""
 
 import os
 import subprocess
@@ -10,9 +10,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from weld_force_ros import fits, tracks
-from weld_force_ros.core import passage
-from weld_force_ros.core.passage import Rig, Surface
+from weld_force_ros.core import surface as surfaces
+from weld_force_ros.core.passage import Rig
 from weld_force_ros.core.shapes import cosine_dip
+from weld_force_ros.core.surface import Surface
 from weld_force_ros.core.weld import Trajectory, wheel_trajectory
 
 
@@ -41,7 +42,7 @@ def columns(surface: Surface) -> list[np.ndarray]:
 def test_lanes_equal_the_scalar_kernel(monkeypatch, name, speeds, positions, length_m, depth_um):
     shape = cosine(length_m, depth_um * 1e-6)
     with monkeypatch.context() as one_by_one:
-        one_by_one.setattr(passage, "SIDE_BY_SIDE", False)
+        one_by_one.setattr(surfaces, "SIDE_BY_SIDE", False)
         scalar = rig(name).surface(shape, speeds, positions)
     side_by_side = rig(name).surface(shape, speeds, positions)
     for fast, plain in zip(columns(side_by_side)[::2], columns(scalar)[::2], strict=True):
@@ -55,21 +56,22 @@ def test_lanes_equal_the_scalar_kernel(monkeypatch, name, speeds, positions, len
 def test_contact_loss_is_the_same_in_lanes(monkeypatch):
     flat, speeds = cosine(0.1, 0.9e-3), [150.0, 200.0, 250.0, 300.0]
     fast = rig("johansson-nielsen").surface(flat, speeds, [0.1, 0.4])
-    monkeypatch.setattr(passage, "SIDE_BY_SIDE", False)
+    monkeypatch.setattr(surfaces, "SIDE_BY_SIDE", False)
     plain = rig("johansson-nielsen").surface(flat, speeds, [0.1, 0.4])
     assert fast.contact_loss_s.min() > 1e-4
     np.testing.assert_allclose(fast.contact_loss_s, plain.contact_loss_s, rtol=1e-9)
     assert fast.min_force_n.min() == 0.0
 
 
-def test_results_do_not_depend_on_company_order_or_threads(monkeypatch):
+def test_results_do_not_depend_on_company_order_or_threads():
     shape = cosine(0.1, 0.3e-3)
     speeds, positions = np.arange(20.0, 300.0, 17.0), np.arange(5) * 0.12
     whole = columns(rig("bilbao").surface(shape, speeds, positions))
     backwards = columns(rig("bilbao").surface(shape, speeds[::-1], positions[::-1]))
     alone = columns(rig("bilbao").surface(shape, speeds[3:4], positions[2:3]))
-    monkeypatch.setattr(os, "cpu_count", lambda: 1)
-    one_thread = columns(rig("bilbao").surface(shape, speeds, positions))
+    definition = tracks.load("bilbao")
+    alone_rig = Rig(fits.fitted(definition).model(), definition.wheel, threads=1)
+    one_thread = columns(alone_rig.surface(shape, speeds, positions))
     for a, b, c, d in zip(whole, backwards, alone, one_thread, strict=True):
         np.testing.assert_array_equal(a, b[::-1, ::-1])
         np.testing.assert_array_equal(a[3:4, 2:3], c)

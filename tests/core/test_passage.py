@@ -4,8 +4,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from weld_force_ros.core import passage
+from weld_force_ros.core import rolling
 from weld_force_ros.core.passage import Rig
+from weld_force_ros.core.surface import TOLERANCE
 from weld_force_ros.core.track import receptance
 from weld_force_ros.core.weld import Trajectory
 from weld_force_ros.errors import InputError, NumericalError
@@ -58,9 +59,9 @@ def stepped(rigs: dict[str, Rig], monkeypatch: pytest.MonkeyPatch) -> Iterator[C
     """A rig whose every step is as long as asked for."""
 
     def rig(step_m: float) -> Rig:
-        monkeypatch.setattr(passage, "GRID_M", step_m)
-        monkeypatch.setattr(passage, "LONGEST_STEP_M", step_m)
-        monkeypatch.setattr(passage, "LONGEST_STEP_S", 1.0)
+        monkeypatch.setattr(rolling, "GRID_M", step_m)
+        monkeypatch.setattr(rolling, "LONGEST_STEP_M", step_m)
+        monkeypatch.setattr(rolling, "LONGEST_STEP_S", 1.0)
         return Rig(rigs["johansson-nielsen"].model, rigs["johansson-nielsen"].wheel)
 
     return rig
@@ -147,14 +148,11 @@ def test_weld_one_span_on_gives_the_same_forces_one_span_on(rigs: dict[str, Rig]
     np.testing.assert_allclose(there.peak_x_m - here.peak_x_m, 2 * rig.model.spacing_m, atol=1e-4)
 
 
-def test_threads_and_the_order_of_speeds_change_nothing(
-    rigs: dict[str, Rig], dip: Dip, monkeypatch: pytest.MonkeyPatch
-):
+def test_threads_and_the_order_of_speeds_change_nothing(rigs: dict[str, Rig], dip: Dip):
     rig, shape = rigs["bilbao"], dip(0.048, 40e-6)
     speeds = np.array([30.0, 55.0, 140.0, 290.0])
     many = rig.surface(shape, speeds, [0.0, 0.3])
-    monkeypatch.setattr(passage.os, "cpu_count", lambda: 1)
-    reversed_alone = rig.surface(shape, speeds[::-1], [0.0, 0.3])
+    reversed_alone = Rig(rig.model, rig.wheel, threads=1).surface(shape, speeds[::-1], [0.0, 0.3])
     np.testing.assert_array_equal(reversed_alone.peak_force_n[::-1], many.peak_force_n)
     np.testing.assert_array_equal(reversed_alone.peak_x_m[::-1], many.peak_x_m)
 

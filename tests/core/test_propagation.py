@@ -5,11 +5,12 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import lsim, lti
 
-from weld_force_ros.core.passage import Rig, Wheel
+from weld_force_ros.core.passage import Rig
 from weld_force_ros.core.poles import PoleModel
 from weld_force_ros.core.propagation import Propagation, dense_propagation, exponentials
 from weld_force_ros.core.shapes import cosine_dip
 from weld_force_ros.core.weld import wheel_trajectory
+from weld_force_ros.core.wheel import Wheel
 
 POLES = np.array([-300.0 + 1900.0j, -1500.0 + 5200.0j])
 RESIDUES = np.array([-3.0e-6j, -1.0e-6j])

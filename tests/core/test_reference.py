@@ -7,11 +7,12 @@ import pytest
 
 from weld_force_ros import fits, tracks
 from weld_force_ros.core import reference
-from weld_force_ros.core.passage import Rig, Wheel
+from weld_force_ros.core.passage import Rig
 from weld_force_ros.core.poles import PoleModel
 from weld_force_ros.core.reference import GreenRig
 from weld_force_ros.core.shapes import cosine_dip
 from weld_force_ros.core.weld import Trajectory, wheel_trajectory
+from weld_force_ros.core.wheel import Wheel
 
 SMOOTH = Trajectory(0.0, np.zeros(9))
 

@@ -11,11 +11,27 @@ which has one root; with u = sqrt(delta) it is a cubic that Newton's method desc
 import numpy as np
 from numba import njit
 
-from weld_force_ros.core._vector import LANES, load, multiply_add, splat, square_root, store, where_greater
+from weld_force_ros.core._vector import (
+    LANES,
+    SPEEDS,
+    double,
+    load,
+    load_two,
+    magnitude,
+    multiply_add,
+    single,
+    splat,
+    spread_two,
+    square_root,
+    store,
+    where_greater,
+)
 
 # Reassociation lets sums vectorise; NaN and infinity keep their meaning, as they are how a failure shows.
 _FAST = {"reassoc", "contract", "arcp", "nsz"}
 _NEWTON_STEPS = 6
+_LOOK = 32  # steps between two looks whether a passage may end
+_FADED = 0.5
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, inline="always")
@@ -91,55 +107,93 @@ def approach(rail, wheel, decay, transitions, drives, shapes, gains, physics, dt
     return -1
 
 
+@njit(cache=True, nogil=True, fastmath=_FAST, inline="always")
+def _faded(echo, highest, least, smooth_high, smooth_low, negligible):
+    """Whether an echo of this amplitude can no longer change the extremes, or by a negligible force."""
+    return echo <= max(negligible, _FADED * min(highest - smooth_high, smooth_low - least))
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST, inline="always")
+def _vertex(before, top, after):
+    """Of the parabola through a highest sample and its neighbours: value, and place in steps from the sample."""
+    bend = before - 2.0 * top + after
+    if after > top or bend == 0.0:
+        return top, 0.0
+    offset = 0.5 * (before - after) / bend
+    return top - 0.25 * (before - after) * offset, offset
+
+
 @njit(cache=True, nogil=True, fastmath=_FAST)
 def peaks_at_speed(
-    states, decay, transitions, drives, shapes, gains, starts, steps, irregularities, stride, physics, dt, results
-):
+    beginnings, decay, transitions, drives, shapes, gains, starts, ends, lasts, window, smooth, negligible,
+    irregularities, physics, dt, results,
+):  # fmt: skip
     """Every passage of one speed; position i starts at grid point `starts[i]` in the periodic state over smooth rail.
 
-    `irregularities` (n_position, n_fine): from the start on, `stride` values a step, zero beyond. `results`
-    (n_position, 4): peak force, its place in steps from the start, least force, time without contact. The peak is the
-    vertex of the parabola through the highest sample and its neighbours.
+    `beginnings` (n_position, n_state + 3): that state. A passage's weld is behind after `ends[i]` steps; it ends when a
+    window of that many steps has seen the echo fade, at the latest after `lasts[i]`. `smooth` (n_grid,): the force on
+    smooth rail; an echo below `negligible` (N) is not waited for. `irregularities` (n_position, n): from the start on, zero beyond. `results` (n_position, 5): peak
+    force, its place in steps from the start, least force, time without contact, largest second difference of the force.
     """
-    grid, fine = drives.shape[0], irregularities.shape[1]
+    grid, irregular = drives.shape[0], irregularities.shape[1]
+    smooth_high, smooth_low = smooth.max(), smooth.min()
     for i in range(starts.shape[0]):
         j = starts[i] % grid
-        rail, wheel = states[j, :-3].copy(), states[j, -3:].copy()
+        rail, wheel = beginnings[i, :-3].copy(), beginnings[i, -3:].copy()
         spare = np.empty_like(rail)
-        force = wheel[2]
-        before = force
-        peak, place, least, highest, apart = force, 0.0, force, force, 0
-        for n in range(1, steps[i]):
+        force = before = top = top_before = top_after = least = wheel[2]
+        place, apart, bend, echo = 0, 0, 0.0, 0.0
+        look = ends[i] + window
+        n = 0
+        while True:
+            n += 1
             _advance(rail, spare, drives[j], force, decay, transitions, j)
             j = j + 1 if j + 1 < grid else 0
-            irregularity = irregularities[i, n * stride] if n * stride < fine else 0.0
+            irregularity = irregularities[i, n] if n < irregular else 0.0
             after = _meet(rail, wheel, shapes[j], gains[j], irregularity, physics, dt)
-            if force >= highest and force >= after and force > before:
-                highest = force
-                offset = 0.5 * (before - after) / (before - 2.0 * force + after)
-                peak = force - 0.25 * (before - after) * offset
-                place = n - 1 + offset
+            if force > top:
+                top_before, top, top_after, place = before, force, after, n - 1
             least = min(least, after)
             if after == 0.0:
                 apart += 1
+            echo = max(echo, abs(after - smooth[j]))
+            bend = max(bend, abs(before - 2.0 * force + after))
             before, force = force, after
-        results[i, 0], results[i, 1], results[i, 2], results[i, 3] = peak, place, least, apart * dt
+            if n % _LOOK == 0 and n >= look:
+                if n >= lasts[i] or _faded(echo, top, least, smooth_high, smooth_low, negligible):
+                    break
+                look, echo = n + window, 0.0
+        peak, offset = _vertex(top_before, top, top_after)
+        results[i, 0], results[i, 1], results[i, 2] = peak, place + offset, least
+        results[i, 3], results[i, 4] = apart * dt, bend
+        if not np.isfinite(wheel[0]):
+            results[i, :] = np.nan
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
-def peaks_in_lanes(beginnings, decay, drives, gains, starts, steps, irregularities, stride, physics, dts, results):
-    """`peaks_at_speed` for `LANES` speeds side by side, on the same grid: a lane each.
+def peaks_in_lanes(
+    beginnings, decay, turn, drives, gains, starts, ends, lasts, windows, smooth, negligible, irregularities, physics,
+    dts, results,
+):  # fmt: skip
+    """`peaks_at_speed` for sixteen speeds at two positions side by side, on the same grid: a lane each.
 
-    Common poles only. `beginnings` (n_position, n_state + 3, n_lane): states at the starts; `decay`
-    (2, n_pair, n_lane); `drives` (n_grid, n_state, n_lane), of which `shapes` are the conjugates; `gains`
-    (n_grid, n_lane); `steps` (n_position, n_lane); `dts` (n_lane,); `results` (n_position, n_lane, 4).
+    Common poles only. `beginnings` (n_pair, n_state + 3, LANES): states at the starts; `decay` and `turn`
+    (2, n_pole, LANES): E and what takes a drive to the shape; `drives` (n_grid, n_state) of every speed; `gains`
+    (n_grid, SPEEDS); `starts` (n_pair, 2); `ends` and `lasts` (n_pair, LANES); `windows` (LANES,); `smooth`
+    (n_grid, SPEEDS); `irregularities` (n_pair, 2, n); `dts` (LANES,); `results` (n_pair, LANES, 5).
     """
     grid, states = drives.shape[0], drives.shape[1]
-    pairs, fine = states // 2, irregularities.shape[1]
-    decays, table, gain_rows = decay.ravel(), drives.ravel(), gains.ravel()
-    rail, ends, found = np.empty(states * LANES), np.empty(LANES), np.empty(4 * LANES)
+    pairs, irregular = states // 2, irregularities.shape[2]
+    decays, turns, table, gain_rows = decay.ravel(), turn.ravel(), drives.ravel(), gains.ravel()
+    surface, smooth_rows = irregularities.ravel(), smooth.ravel()
+    smooth_high, smooth_low = np.empty(SPEEDS), np.empty(SPEEDS)
+    for lane in range(SPEEDS):
+        smooth_high[lane], smooth_low[lane] = smooth[:, lane].max(), smooth[:, lane].min()
+    rail, found = np.empty(states * LANES), np.empty(9 * LANES)
+    looks, rolling = np.empty(LANES, np.int64), np.empty(LANES, np.bool_)
     zero, one, two, three = splat(0.0), splat(1.0), splat(2.0), splat(3.0)
-    half, third, quarter, tiny = splat(0.5), splat(1.0 / 3.0), splat(0.25), splat(1e-30)
+    one_single, two_single, three_single = single(one), single(two), single(three)
+    half, third, tiny = splat(0.5), splat(1.0 / 3.0), single(splat(1e-30))
     load_n, hertz = splat(physics[1]), splat(physics[2])
     dt = load(dts, 0)
     kick = dt / splat(physics[0])
@@ -148,58 +202,101 @@ def peaks_in_lanes(beginnings, decay, drives, gains, starts, steps, irregulariti
         begin = beginnings[i].ravel()
         rail[:] = begin[: states * LANES]
         wheel, velocity, force = load(begin, states), load(begin, states + 1), load(begin, states + 2)
-        longest = 0
+        before, top, top_before, top_after, least = force, force, force, force, force
+        place, apart, bend, echo = zero, zero, zero, zero
         for lane in range(LANES):
-            ends[lane] = steps[i, lane]
-            longest = max(longest, steps[i, lane])
-        end = load(ends, 0)
-        before, peak, least, highest, place, apart = force, force, force, force, zero, zero
-        j = starts[i] % grid
-        for n in range(1, longest):
-            ahead = j + 1 if j + 1 < grid else 0
-            here, there = j * states, ahead * states
-            over, under = splat(irregularities[i, n * stride] if n * stride < fine else 0.0), zero
-            for k in range(pairs):
-                re, im = load(rail, 2 * k), load(rail, 2 * k + 1)
-                decay_re, decay_im = load(decays, k), load(decays, pairs + k)
-                driven_re, driven_im = load(table, here + 2 * k) * force, load(table, here + 2 * k + 1) * force
-                new_re = multiply_add(decay_re, re, multiply_add(zero - decay_im, im, driven_re))
-                new_im = multiply_add(decay_re, im, multiply_add(decay_im, re, driven_im))
-                store(rail, 2 * k, new_re)
-                store(rail, 2 * k + 1, new_im)
-                over = multiply_add(load(table, there + 2 * k), new_re, over)
-                under = multiply_add(load(table, there + 2 * k + 1), new_im, under)
+            looks[lane] = ends[i, lane] + windows[lane]
+            rolling[lane] = True
+        left = LANES
+        j, k = starts[i, 0] % grid, starts[i, 1] % grid
+        n = 0
+        while left > 0:
+            n += 1
+            j_ahead = j + 1 if j + 1 < grid else 0
+            k_ahead = k + 1 if k + 1 < grid else 0
+            over, under = zero, zero
+            if n < irregular:
+                over = spread_two(surface, 2 * i * irregular + n, (2 * i + 1) * irregular + n)
+            for p in range(pairs):
+                re, im = load(rail, 2 * p), load(rail, 2 * p + 1)
+                decay_re, decay_im = load(decays, p), load(decays, pairs + p)
+                turn_re, turn_im = load(turns, p), load(turns, pairs + p)
+                here_re = spread_two(table, j * states + 2 * p, k * states + 2 * p)
+                here_im = spread_two(table, j * states + 2 * p + 1, k * states + 2 * p + 1)
+                there_re = spread_two(table, j_ahead * states + 2 * p, k_ahead * states + 2 * p)
+                there_im = spread_two(table, j_ahead * states + 2 * p + 1, k_ahead * states + 2 * p + 1)
+                new_re = multiply_add(decay_re, re, multiply_add(zero - decay_im, im, here_re * force))
+                new_im = multiply_add(decay_re, im, multiply_add(decay_im, re, here_im * force))
+                store(rail, 2 * p, new_re)
+                store(rail, 2 * p + 1, new_im)
+                shape_re = multiply_add(turn_re, there_re, (zero - turn_im) * there_im)
+                shape_im = multiply_add(turn_re, there_im, turn_im * there_re)
+                over = multiply_add(shape_re, new_re, over)
+                under = multiply_add(shape_im, new_im, under)
             free_wheel = multiply_add(dt, multiply_add(kick, half * load_n - third * force, velocity), wheel)
             gap = free_wheel - over + under
             gap = where_greater(gap, zero, gap, zero)
-            # As `contact_force`, from a guess that two steps of Newton's method take to rounding.
-            stiff = (load(gain_rows, ahead) + own) * hertz
-            root = square_root(gap / multiply_add(stiff, square_root(gap), one)) + tiny
+            # As `contact_force`; the first guess and its improvement in single precision, the last two steps with the
+            # slope that is known by then.
+            stiff = (load_two(gain_rows, j_ahead, k_ahead) + own) * hertz
+            gap_single, stiff_single = single(gap), single(stiff)
+            guess = square_root(gap_single / multiply_add(stiff_single, square_root(gap_single), one_single)) + tiny
             for _ in range(2):
-                bent = stiff * root
-                root = root - (root * root * (one + bent) - gap) / (root * (two + three * bent))
+                bent = stiff_single * guess
+                inverse = one_single / (guess * multiply_add(three_single, bent, two_single))
+                guess = guess - (guess * guess * (one_single + bent) - gap_single) * inverse
+            root, slope = double(guess), double(inverse)
+            for _ in range(2):
+                root = root - (root * root * multiply_add(stiff, root, one) - gap) * slope
             after = where_greater(gap, zero, hertz * root * root * root, zero)
             wheel = free_wheel - own * after
             velocity = multiply_add(kick, load_n - half * (force + after), velocity)
-            now = splat(float(n))
-            live = where_greater(end, now, one, zero)
-            falls = where_greater(after, force, zero, where_greater(highest, force, zero, live))
-            top = where_greater(force, before, falls, zero)
-            offset = half * (before - after) / where_greater(top, zero, before - two * force + after, one)
-            peak = where_greater(top, zero, force - quarter * (before - after) * offset, peak)
-            place = where_greater(top, zero, now - one + offset, place)
-            highest = where_greater(top, zero, force, highest)
-            least = where_greater(least, where_greater(live, zero, after, least), after, least)
-            apart = apart + where_greater(gap, zero, zero, live)
+            top_before = where_greater(force, top, before, top_before)
+            top_after = where_greater(force, top, after, top_after)
+            place = where_greater(force, top, splat(float(n - 1)), place)
+            top = where_greater(force, top, force, top)
+            least = where_greater(least, after, after, least)
+            apart = apart + where_greater(gap, zero, zero, one)
+            turned = magnitude(before - two * force + after)
+            bend = where_greater(turned, bend, turned, bend)
+            heard = magnitude(after - load_two(smooth_rows, j_ahead, k_ahead))
+            echo = where_greater(heard, echo, heard, echo)
             before, force = force, after
-            j = ahead
-        store(found, 0, peak)
-        store(found, 1, place)
-        store(found, 2, least)
-        store(found, 3, apart * dt)
-        for lane in range(LANES):
-            for column in range(4):
-                results[i, lane, column] = found[column * LANES + lane]
+            j, k = j_ahead, k_ahead
+            if n % _LOOK > 0:
+                continue
+            store(found, 0, top_before)
+            store(found, 1, top)
+            store(found, 2, top_after)
+            store(found, 3, place)
+            store(found, 4, apart * dt)
+            store(found, 5, bend)
+            store(found, 6, least)
+            store(found, 7, echo)
+            store(found, 8, wheel)
+            renewed = False
+            for lane in range(LANES):
+                if not rolling[lane] or n < looks[lane]:
+                    continue
+                highest, lowest, heard_there = found[LANES + lane], found[6 * LANES + lane], found[7 * LANES + lane]
+                speed = lane % SPEEDS
+                if n >= lasts[i, lane] or _faded(
+                    heard_there, highest, lowest, smooth_high[speed], smooth_low[speed], negligible
+                ):
+                    rolling[lane] = False
+                    left -= 1
+                    peak, offset = _vertex(found[lane], highest, found[2 * LANES + lane])
+                    results[i, lane, 0], results[i, lane, 1] = peak, found[3 * LANES + lane] + offset
+                    results[i, lane, 2], results[i, lane, 3] = lowest, found[4 * LANES + lane]
+                    results[i, lane, 4] = found[5 * LANES + lane]
+                    if not np.isfinite(found[8 * LANES + lane]):
+                        results[i, lane, :] = np.nan
+                else:
+                    looks[lane] = n + windows[lane]
+                    found[7 * LANES + lane] = 0.0
+                    renewed = True
+            if renewed:
+                echo = load(found, 7)
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)

@@ -1,10 +1,10 @@
-"""Sixteen doubles as one value inside compiled code, so that sixteen passages advance in one instruction stream.
+"""Thirty-two doubles as one value inside compiled code: sixteen speeds at two positions advance in one stream.
 
 LLVM does not vectorise the kernel's loops by itself (it cannot know that its arrays do not overlap). Here the vector is
 a type of its own: arithmetic, `load`, `store` and a few functions become LLVM vector instructions, which every
 processor executes in registers as wide as it has. Lanes never mix, so that a lane's result does not depend on the
-others. A step waits for its contact's solution (roots and quotients); twice the width of the widest registers fills
-that wait.
+others. A step waits for its contact's solution (roots and quotients); four times the width of the widest registers
+fills that wait. Single precision, `single`, serves for first guesses: its roots and quotients take a quarter of the time.
 """
 
 import operator
@@ -18,31 +18,35 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic, register_model
 from numba.np.arrayobj import make_array
 
-LANES = 16
-_VECTOR = ir.VectorType(ir.DoubleType(), LANES)
+SPEEDS = 16
+LANES = 2 * SPEEDS
 # As the kernel's scalar code: sums may be regrouped, NaN and infinity keep their meaning.
 _FLAGS = ("reassoc", "contract", "arcp", "nsz")
 
 
 class _Lanes(types.Type):
-    def __init__(self):
-        super().__init__(name=f"Lanes{LANES}")
+    def __init__(self, element, suffix):
+        super().__init__(name=f"Lanes{LANES}{suffix}")
+        self.suffix = suffix
+        self.vector = ir.VectorType(element, LANES)
 
 
-_lanes = _Lanes()
+_doubles = _Lanes(ir.DoubleType(), "f64")
+_singles = _Lanes(ir.FloatType(), "f32")
 
 
 @register_model(_Lanes)
 class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager, kind):
-        super().__init__(manager, kind, _VECTOR)
+        super().__init__(manager, kind, kind.vector)
 
 
 def _arithmetic(operation, instruction):
     @infer_global(operation)
     class _Typing(AbstractTemplate):
         def generic(self, args, kws):
-            return signature(_lanes, _lanes, _lanes) if tuple(args) == (_lanes, _lanes) else None
+            same = len(args) == 2 and isinstance(args[0], _Lanes) and args[0] == args[1]
+            return signature(args[0], *args) if same else None
 
     @lower_builtin(operation, _Lanes, _Lanes)
     def _lower(context, builder, sig, args):
@@ -58,10 +62,19 @@ for _operation, _instruction in (
     _arithmetic(_operation, _instruction)
 
 
-def _address(context, builder, kind, array, index):
-    first = builder.mul(index, ir.Constant(index.type, LANES))
-    data = make_array(kind)(context, builder, array).data
-    return builder.bitcast(builder.gep(data, [first]), _VECTOR.as_pointer())
+def _element(context, builder, kind, array, index):
+    return builder.gep(make_array(kind)(context, builder, array).data, [index])
+
+
+def _neighbours(context, builder, kind, array, index, count):
+    """Address of `count` neighbours as a vector, from count x index."""
+    first = builder.mul(index, ir.Constant(index.type, count))
+    vector = ir.VectorType(ir.DoubleType(), count)
+    return builder.bitcast(_element(context, builder, kind, array, first), vector.as_pointer())
+
+
+def _mask(indices):
+    return ir.Constant(ir.VectorType(ir.IntType(32), len(indices)), indices)
 
 
 @intrinsic
@@ -69,9 +82,9 @@ def load(typing, array, index):
     """Neighbours of a flat float64 array, from LANES x index."""
 
     def generate(context, builder, sig, args):
-        return builder.load(_address(context, builder, sig.args[0], *args), align=8)
+        return builder.load(_neighbours(context, builder, sig.args[0], *args, LANES), align=8)
 
-    return _lanes(array, types.intp), generate
+    return _doubles(array, types.intp), generate
 
 
 @intrinsic
@@ -79,10 +92,38 @@ def store(typing, array, index, value):
     """Write neighbours of a flat float64 array, from LANES x index."""
 
     def generate(context, builder, sig, args):
-        builder.store(args[2], _address(context, builder, sig.args[0], *args[:2]), align=8)
+        builder.store(args[2], _neighbours(context, builder, sig.args[0], *args[:2], LANES), align=8)
         return context.get_dummy_value()
 
-    return types.none(array, types.intp, _lanes), generate
+    return types.none(array, types.intp, _doubles), generate
+
+
+@intrinsic
+def load_two(typing, array, first, second):
+    """Neighbours of a flat float64 array, half the lanes from SPEEDS x first, half from SPEEDS x second."""
+
+    def generate(context, builder, sig, args):
+        halves = [
+            builder.load(_neighbours(context, builder, sig.args[0], args[0], index, SPEEDS), align=8)
+            for index in args[1:]
+        ]
+        return builder.shuffle_vector(*halves, _mask(list(range(LANES))))
+
+    return _doubles(array, types.intp, types.intp), generate
+
+
+@intrinsic
+def spread_two(typing, array, first, second):
+    """Two numbers of a flat float64 array: `first` in half the lanes, `second` in the others."""
+
+    def generate(context, builder, sig, args):
+        pair = ir.Constant(ir.VectorType(ir.DoubleType(), 2), ir.Undefined)
+        for place, index in enumerate(args[1:]):
+            number = builder.load(_element(context, builder, sig.args[0], args[0], index))
+            pair = builder.insert_element(pair, number, ir.Constant(ir.IntType(32), place))
+        return builder.shuffle_vector(pair, pair, _mask([0] * SPEEDS + [1] * SPEEDS))
+
+    return _doubles(array, types.intp, types.intp), generate
 
 
 @intrinsic
@@ -90,17 +131,37 @@ def splat(typing, value):
     """One number in every lane."""
 
     def generate(context, builder, sig, args):
-        nothing = ir.Constant(_VECTOR, ir.Undefined)
+        nothing = ir.Constant(_doubles.vector, ir.Undefined)
         one = builder.insert_element(nothing, args[0], ir.Constant(ir.IntType(32), 0))
-        every = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
-        return builder.shuffle_vector(one, nothing, every)
+        return builder.shuffle_vector(one, nothing, _mask([0] * LANES))
 
-    return _lanes(types.float64), generate
+    return _doubles(types.float64), generate
 
 
-def _call(builder, name, arity, args):
-    kind = ir.FunctionType(_VECTOR, [_VECTOR] * arity)
-    return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}f64"), args)
+@intrinsic
+def single(typing, value):
+    """Rounded to single precision."""
+
+    def generate(context, builder, sig, args):
+        return builder.fptrunc(args[0], _singles.vector)
+
+    return _singles(_doubles), generate
+
+
+@intrinsic
+def double(typing, value):
+    """Back in double precision."""
+
+    def generate(context, builder, sig, args):
+        return builder.fpext(args[0], _doubles.vector)
+
+    return _doubles(_singles), generate
+
+
+def _call(builder, name, kind, args):
+    function = ir.FunctionType(kind.vector, [kind.vector] * len(args))
+    called = cgutils.get_or_insert_function(builder.module, function, f"llvm.{name}.v{LANES}{kind.suffix}")
+    return builder.call(called, args)
 
 
 @intrinsic
@@ -108,9 +169,19 @@ def square_root(typing, value):
     """Lane by lane."""
 
     def generate(context, builder, sig, args):
-        return _call(builder, "sqrt", 1, args)
+        return _call(builder, "sqrt", value, args)
 
-    return _lanes(_lanes), generate
+    return value(value), generate
+
+
+@intrinsic
+def magnitude(typing, value):
+    """Lane by lane."""
+
+    def generate(context, builder, sig, args):
+        return _call(builder, "fabs", value, args)
+
+    return value(value), generate
 
 
 @intrinsic
@@ -118,9 +189,9 @@ def multiply_add(typing, a, b, c):
     """Product of a and b plus c, rounded once."""
 
     def generate(context, builder, sig, args):
-        return _call(builder, "fma", 3, args)
+        return _call(builder, "fma", a, args)
 
-    return _lanes(_lanes, _lanes, _lanes), generate
+    return a(a, a, a), generate
 
 
 @intrinsic
@@ -130,4 +201,4 @@ def where_greater(typing, a, b, then, otherwise):
     def generate(context, builder, sig, args):
         return builder.select(builder.fcmp_ordered(">", args[0], args[1]), args[2], args[3])
 
-    return _lanes(_lanes, _lanes, _lanes, _lanes), generate
+    return then(a, a, then, then), generate

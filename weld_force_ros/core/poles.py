@@ -53,7 +53,7 @@ class PoleModel:
     residues: Complex
     section_m: Real
     spacing_m: float
-    _grids: dict[bytes, Complex] = field(default_factory=dict, repr=False, compare=False)
+    _grids: dict[bytes, tuple[Complex, Real]] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def order(self) -> int:
@@ -80,24 +80,24 @@ class PoleModel:
         """A step of `dt_s` of the states q_k' = p_k q_k + shape_k f; see `weld_force_ros.core.propagation`."""
         decay, old, new = first_order_hold(self.poles_rad_s, dt_s)
         within = decay * new + old
-        shape = self._shapes_on_grid(at_m)
-        # States are scaled so that one table serves as drive and as shape.
-        scaled = np.sqrt(self.pair_weight * within) * shape
-        rest = -shape[0] * (1 / self.poles_rad_s + new) * np.sqrt(self.pair_weight / within)
+        shape, drives = self._on_grid(at_m)
+        rest = -shape[0] * (1 / self.poles_rad_s + new) / within
         return Propagation(
             decay=np.stack([decay.real, decay.imag]),
+            turn=np.stack([within.real, within.imag]),
             transitions=np.empty((0, 2 * len(decay), 2 * len(decay))),
-            drives=_in_pairs(scaled),
-            shapes=_in_pairs(scaled.conj()),
-            gains=(shape**2 * new).real @ self.pair_weight,
+            drives=drives,
+            shapes=_in_pairs((shape * within).conj()),
+            gains=(shape**2 * new).real.sum(axis=1),
             at_rest=_in_pairs(rest),
         )
 
-    def _shapes_on_grid(self, at_m: Real) -> Complex:
-        """`shapes_at`, remembered: every speed asks for one of a few grids."""
+    def _on_grid(self, at_m: Real) -> tuple[Complex, Real]:
+        """Shapes times the root of the pair's weight, plain and in pairs; remembered: every speed asks for a few grids."""
         key = at_m.tobytes()
         if key not in self._grids:
-            self._grids[key] = self.shapes_at(at_m)
+            shapes = np.sqrt(self.pair_weight) * self.shapes_at(at_m)
+            self._grids[key] = (shapes, _in_pairs(shapes))
         return self._grids[key]
 
     def receptance(self, frequency_hz: ArrayLike, at_m: ArrayLike) -> Complex:

@@ -6,7 +6,8 @@ For a force that is linear within each step, the states q under the moving conta
 
 with d and c the drive and shape at the contact. Without their newest force, s[n] = q[n] - b d[n] f[n], it becomes
 s[n+1] = E s[n] + (E b + a) d[n] f[n] and z[n] = c[n] s[n] + gain[n] f[n]: one drive a step, and the compliance that the
-contact meets within the step stands alone.
+contact meets within the step stands alone. Where E is diagonal, s is scaled by E b + a as well, so that the drives are
+the same for every step length and speed.
 """
 
 from dataclasses import dataclass
@@ -24,13 +25,15 @@ class Propagation:
     Attributes:
         decay: (2, n_state // 2), real and imaginary part of E for states in pairs (re, im); unused if dense.
         transitions: (n_grid, n_state, n_state), E from each grid point to the next; (0, ...) where `decay` serves.
-        drives: (n_grid, n_state), (E b + a) d.
-        shapes: (n_grid, n_state), c.
+        turn: as `decay`, E b + a of states that are scaled by it; unused if dense.
+        drives: (n_grid, n_state), (E b + a) d, or d of states that are scaled.
+        shapes: (n_grid, n_state), c, or c (E b + a) of states that are scaled.
         gains: (n_grid,), m/N, c b d.
         at_rest: (n_state,), s under a unit load that rests on the first grid point.
     """
 
     decay: Real
+    turn: Real
     transitions: Real
     drives: Real
     shapes: Real
@@ -108,6 +111,7 @@ def dense_propagation(rates: Real, inputs: Real, at_rest: Real) -> Propagation:
     shapes[:, 0] = 1.0
     return Propagation(
         decay=np.empty((2, 0)),
+        turn=np.empty((2, 0)),
         transitions=transitions,
         drives=np.einsum("nij,nj->ni", transitions, arriving) + old,
         shapes=shapes,

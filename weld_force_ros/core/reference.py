@@ -36,9 +36,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from weld_force_ros.core import _kernel
 from weld_force_ros.core import track as tracks
-from weld_force_ros.core.passage import History, Surface, Wheel, checked_axis, checked_speeds, run_out_m
+from weld_force_ros.core.passage import History, checked_axis, checked_speeds
+from weld_force_ros.core.surface import Surface
 from weld_force_ros.core.track import Complex, Real, Track, Waves
 from weld_force_ros.core.weld import Trajectory
+from weld_force_ros.core.wheel import Wheel
 from weld_force_ros.errors import NumericalError
 
 STEP_S = 25e-6
@@ -47,6 +49,7 @@ NODE_M = 0.01
 BAND_HZ = 6500.0
 MEMORY_S = 0.125
 LEAD_IN_S = 0.12
+RUN_OUT_S = 0.08
 _WINDOW = 4.6  # ln 100
 _JUMP_DECAY_RAD_S = 2 * np.pi * 1000.0
 
@@ -141,7 +144,7 @@ class GreenRig:
         self, responses: _Responses, trajectory: Trajectory, speed_kmh: float, position_m: float
     ) -> tuple[float, float, float, float]:
         first, last = position_m + trajectory.start_m, position_m + trajectory.end_m
-        last += run_out_m(self.track.spacing_m, speed_kmh)
+        last += max(self.track.spacing_m, RUN_OUT_S * speed_kmh / 3.6)
         rolled = self._roll(responses, trajectory, position_m, first, last)
         force = rolled.columns[:, 0]
         n = int(np.argmax(force[1:-1])) + 1

@@ -10,6 +10,7 @@ is sharper than the wheel, the wheel bridges it.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
@@ -42,9 +43,13 @@ class Trajectory:
 
     def at(self, x_m: Real) -> Real:
         """Height at any distances from the weld's centre, shape of `x_m`: cubic spline, zero outside."""
-        grid = self.start_m + RESAMPLED_STEP_M * np.arange(len(self.height_m))
         inside = (x_m > self.start_m) & (x_m < self.end_m)
-        return np.where(inside, CubicSpline(grid, self.height_m)(np.clip(x_m, self.start_m, self.end_m)), 0.0)
+        return np.where(inside, self.spline(np.clip(x_m, self.start_m, self.end_m)), 0.0)
+
+    @cached_property
+    def spline(self) -> CubicSpline:
+        """The height between the samples."""
+        return CubicSpline(self.start_m + RESAMPLED_STEP_M * np.arange(len(self.height_m)), self.height_m)
 
 
 def wheel_trajectory(x_m: Real, z_m: Real, wheel_radius_m: float) -> Trajectory:

@@ -1,5 +1,7 @@
 """A watched folder: each file is handed over once it is completely written, and again when it has changed."""
 
+import os
+import stat
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -8,8 +10,8 @@ from typing import NamedTuple
 
 import watchfiles
 
-_TICK_MS = 100
-_FULL_LOOK_S = 5.0  # events of network drives may never come
+_TICK_MS = 20
+_FULL_LOOK_S = 5.0  # events of network drives may never come, and a burst of them may overflow
 _RETRY_S = 1.0
 
 
@@ -43,9 +45,8 @@ class FolderWatcher:
         self._settle_s = settle_s
         self._take = take
         self._complain = complain
-        self._taken: dict[Path, _State] = {}
-        self._waiting: dict[Path, tuple[_State, float]] = {}
-        self._last_full_look = float("-inf")
+        self._taken: dict[str, _State] = {}
+        self._waiting: dict[str, tuple[_State, float]] = {}
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="folder watcher", daemon=True)
 
@@ -78,50 +79,54 @@ class FolderWatcher:
                 self._stop.wait(_RETRY_S)
 
     def _watch(self) -> None:
-        self._last_full_look = float("-inf")
+        next_full_look = float("-inf")
         for changes in watchfiles.watch(
             self._folder,
             watch_filter=None,
             recursive=False,
             debounce=2 * _TICK_MS,
+            step=_TICK_MS,
             rust_timeout=_TICK_MS,
             yield_on_timeout=True,
             raise_interrupt=False,
             stop_event=self._stop,
         ):
-            now = time.monotonic()
-            if changes or now - self._last_full_look > _FULL_LOOK_S:
-                self._last_full_look = now
-                self._look_at(self._files(), now)
-            else:
-                self._look_at(list(self._waiting), now)
+            # Not the whole folder at each change: among thousands of files that takes longer than a simulation.
+            self._note(os.path.basename(path) for _, path in changes)
+            if time.monotonic() >= next_full_look:
+                self._note(os.listdir(self._folder))
+                next_full_look = time.monotonic() + _FULL_LOOK_S
+            self._hand_over()
 
-    def _files(self) -> list[Path]:
-        return sorted(
-            path
-            for path in self._folder.iterdir()
-            if path.suffix.lower() in self._suffixes and not path.name.startswith(".") and path.is_file()
-        )
+    def _note(self, names: Iterable[str]) -> None:
+        for name in names:
+            if name.lower().endswith(self._suffixes) and not name.startswith("."):
+                self._look_at(name)
 
-    def _look_at(self, paths: Iterable[Path], now: float) -> None:
-        for path in paths:
+    def _hand_over(self) -> None:
+        for name in sorted(self._waiting):
             if self._stop.is_set():
                 return
-            state = _state(path)
-            if state is None or state == self._taken.get(path):
-                self._waiting.pop(path, None)
-            elif path not in self._waiting or self._waiting[path][0] != state:
-                self._waiting[path] = (state, now)
-            elif now - self._waiting[path][1] >= self._settle_s:
+            if self._look_at(name) >= self._settle_s:
                 # Noted before it is read: what is written meanwhile is another state.
-                self._taken[path] = state
-                self._take(path)
-                self._waiting.pop(path, None)
+                self._taken[name] = self._waiting[name][0]
+                self._take(self._folder / name)
+                self._waiting.pop(name)
 
+    def _look_at(self, name: str) -> float:
+        """For how long, in s, a file is known to be as it is now; -inf if there is nothing to hand over."""
+        state, now = self._state(name), time.monotonic()
+        if state is None or state == self._taken.get(name):
+            self._waiting.pop(name, None)
+            return float("-inf")
+        if name not in self._waiting or self._waiting[name][0] != state:
+            self._waiting[name] = (state, now)
+        return now - self._waiting[name][1]
 
-def _state(path: Path) -> _State | None:
-    try:
-        status = path.stat()
-    except OSError:
-        return None
-    return _State(status.st_size, status.st_mtime_ns, status.st_ino)
+    def _state(self, name: str) -> _State | None:
+        """None if there is no such file, or it is a folder, a pipe or the like."""
+        try:
+            status = os.stat(self._folder / name)
+        except OSError:
+            return None
+        return _State(status.st_size, status.st_mtime_ns, status.st_ino) if stat.S_ISREG(status.st_mode) else None

@@ -34,7 +34,7 @@ class ProfileNode(Node):
         super().__init__("profile_node", **node_options)
         folder = _folder(parameters.text(self, "folder", "", "folder of measurement files (*.csv, *.txt)"))
         settle_s = parameters.number(
-            self, "settle_s", 0.5, "s that a file must stay unchanged before it is read", low=0.0, high=600.0
+            self, "settle_s", 0.2, "s that a file must stay unchanged before it is read", low=0.0, high=600.0
         )
         self._form = _plain_form(self)
         self._published: set[tuple[str, str]] = set()

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from weld_force_ros import profiles, tracks
-from weld_force_ros.core.passage import Surface
 from weld_force_ros.core.shapes import cosine_dip
+from weld_force_ros.core.surface import Surface
 from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import Trajectory, wheel_trajectory
 from weld_force_ros.errors import NumericalError

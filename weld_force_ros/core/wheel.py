@@ -1,0 +1,31 @@
+"""The lumped wheel and its contact."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from weld_force_ros.core.track import Complex, Real
+
+
+@dataclass(frozen=True)
+class Wheel:
+    """Half a wheelset as a lumped mass under its static load, and its contact: eq. (4) and (5) of the paper."""
+
+    mass_kg: float
+    static_load_n: float
+    radius_m: float
+    hertz_n_per_m15: float
+
+    @property
+    def static_indentation_m(self) -> float:
+        """Approach of wheel and rail at rest."""
+        return float((self.static_load_n / self.hertz_n_per_m15) ** (2 / 3))
+
+    @property
+    def contact_stiffness_n_per_m(self) -> float:
+        """Slope of the Hertz law at the static load."""
+        return float(1.5 * self.hertz_n_per_m15 ** (2 / 3) * self.static_load_n ** (1 / 3))
+
+    def compliance(self, omega: Real) -> Complex:
+        """Contact spring and free wheel in series with the track as an irregularity meets them, m/N."""
+        return np.asarray(1 / self.contact_stiffness_n_per_m - 1 / (self.mass_kg * omega**2), dtype=np.complex128)
