@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from weld_force_ros import fits, tracks
-from weld_force_ros.core import surface as surfaces
+from weld_force_ros.core import batch
 from weld_force_ros.core.passage import Rig
 from weld_force_ros.core.shapes import cosine_dip
 from weld_force_ros.core.surface import Surface
@@ -42,21 +42,22 @@ def columns(surface: Surface) -> list[np.ndarray]:
 def test_lanes_equal_the_scalar_kernel(monkeypatch, name, speeds, positions, length_m, depth_um):
     shape = cosine(length_m, depth_um * 1e-6)
     with monkeypatch.context() as one_by_one:
-        one_by_one.setattr(surfaces, "SIDE_BY_SIDE", False)
+        one_by_one.setattr(batch, "SIDE_BY_SIDE", False)
         scalar = rig(name).surface(shape, speeds, positions)
     side_by_side = rig(name).surface(shape, speeds, positions)
     for fast, plain in zip(columns(side_by_side)[::2], columns(scalar)[::2], strict=True):
         np.testing.assert_allclose(fast, plain, rtol=1e-9)
     np.testing.assert_allclose(side_by_side.contact_loss_s, scalar.contact_loss_s, rtol=1e-9)
     # Where the weld leaves the smooth rail's own peak the largest, it recurs in every span: the place is one of those.
-    spans = (side_by_side.peak_x_m - scalar.peak_x_m) / tracks.load(name).track.spacing_m
+    stands_out = scalar.peak_force_n > scalar.min_force_n * (1 + 1e-6)
+    spans = ((side_by_side.peak_x_m - scalar.peak_x_m) / tracks.load(name).track.spacing_m)[stands_out]
     np.testing.assert_allclose(spans, np.round(spans), atol=1e-6)
 
 
 def test_contact_loss_is_the_same_in_lanes(monkeypatch):
     flat, speeds = cosine(0.1, 0.9e-3), [150.0, 200.0, 250.0, 300.0]
     fast = rig("johansson-nielsen").surface(flat, speeds, [0.1, 0.4])
-    monkeypatch.setattr(surfaces, "SIDE_BY_SIDE", False)
+    monkeypatch.setattr(batch, "SIDE_BY_SIDE", False)
     plain = rig("johansson-nielsen").surface(flat, speeds, [0.1, 0.4])
     assert fast.contact_loss_s.min() > 1e-4
     np.testing.assert_allclose(fast.contact_loss_s, plain.contact_loss_s, rtol=1e-9)

@@ -30,7 +30,7 @@ from weld_force_ros.core._vector import (
 # Reassociation lets sums vectorise; NaN and infinity keep their meaning, as they are how a failure shows.
 _FAST = {"reassoc", "contract", "arcp", "nsz"}
 _NEWTON_STEPS = 6
-_LOOK = 32  # steps between two looks whether a passage may end
+_LOOK = 16  # steps between two looks whether a passage may end
 _FADED = 0.5
 
 
@@ -108,9 +108,12 @@ def approach(rail, wheel, decay, transitions, drives, shapes, gains, physics, dt
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, inline="always")
-def _faded(echo, highest, least, smooth_high, smooth_low, negligible):
-    """Whether an echo of this amplitude can no longer change the extremes, or by a negligible force."""
-    return echo <= max(negligible, _FADED * min(highest - smooth_high, smooth_low - least))
+def _faded(echo, highest, least, smooth_high, smooth_low, negligible, a_span_behind):
+    """Whether an echo of this amplitude can no longer change the extremes, or only by a negligible force."""
+    if echo <= _FADED * min(highest - smooth_high, smooth_low - least):
+        return True
+    # The smooth rail's own extremes may be the passage's: they come once a span.
+    return a_span_behind and echo <= negligible
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, inline="always")
@@ -125,15 +128,16 @@ def _vertex(before, top, after):
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
 def peaks_at_speed(
-    beginnings, decay, transitions, drives, shapes, gains, starts, ends, lasts, window, smooth, negligible,
+    beginnings, decay, transitions, drives, shapes, gains, starts, ends, window, run_out, smooth, negligible,
     irregularities, physics, dt, results,
 ):  # fmt: skip
     """Every passage of one speed; position i starts at grid point `starts[i]` in the periodic state over smooth rail.
 
     `beginnings` (n_position, n_state + 3): that state. A passage's weld is behind after `ends[i]` steps; it ends when a
-    window of that many steps has seen the echo fade, at the latest after `lasts[i]`. `smooth` (n_grid,): the force on
-    smooth rail; an echo below `negligible` (N) is not waited for. `irregularities` (n_position, n): from the start on, zero beyond. `results` (n_position, 5): peak
-    force, its place in steps from the start, least force, time without contact, largest second difference of the force.
+    `window` of steps has seen the echo fade, at the latest after `run_out` steps more. `smooth` (n_grid,): the force on
+    smooth rail; an echo below `negligible` (N) is not waited for. `irregularities` (n_position, n): from the start on,
+    zero beyond. `results` (n_position, 5): peak force, its place in steps from the start, least force, time without
+    contact, largest second difference of the force.
     """
     grid, irregular = drives.shape[0], irregularities.shape[1]
     smooth_high, smooth_low = smooth.max(), smooth.min()
@@ -160,7 +164,8 @@ def peaks_at_speed(
             bend = max(bend, abs(before - 2.0 * force + after))
             before, force = force, after
             if n % _LOOK == 0 and n >= look:
-                if n >= lasts[i] or _faded(echo, top, least, smooth_high, smooth_low, negligible):
+                over = _faded(echo, top, least, smooth_high, smooth_low, negligible, n >= ends[i] + grid)
+                if over or n >= ends[i] + run_out:
                     break
                 look, echo = n + window, 0.0
         peak, offset = _vertex(top_before, top, top_after)
@@ -172,14 +177,14 @@ def peaks_at_speed(
 
 @njit(cache=True, nogil=True, fastmath=_FAST)
 def peaks_in_lanes(
-    beginnings, decay, turn, drives, gains, starts, ends, lasts, windows, smooth, negligible, irregularities, physics,
-    dts, results,
+    beginnings, decay, turn, drives, gains, starts, ends, windows, run_outs, smooth, negligible, irregularities,
+    physics, dts, results,
 ):  # fmt: skip
     """`peaks_at_speed` for sixteen speeds at two positions side by side, on the same grid: a lane each.
 
     Common poles only. `beginnings` (n_pair, n_state + 3, LANES): states at the starts; `decay` and `turn`
     (2, n_pole, LANES): E and what takes a drive to the shape; `drives` (n_grid, n_state) of every speed; `gains`
-    (n_grid, SPEEDS); `starts` (n_pair, 2); `ends` and `lasts` (n_pair, LANES); `windows` (LANES,); `smooth`
+    (n_grid, SPEEDS); `starts` and `ends` (n_pair, 2); `windows` and `run_outs` (LANES,); `smooth`
     (n_grid, SPEEDS); `irregularities` (n_pair, 2, n); `dts` (LANES,); `results` (n_pair, LANES, 5).
     """
     grid, states = drives.shape[0], drives.shape[1]
@@ -205,7 +210,7 @@ def peaks_in_lanes(
         before, top, top_before, top_after, least = force, force, force, force, force
         place, apart, bend, echo = zero, zero, zero, zero
         for lane in range(LANES):
-            looks[lane] = ends[i, lane] + windows[lane]
+            looks[lane] = ends[i, lane // SPEEDS] + windows[lane]
             rolling[lane] = True
         left = LANES
         j, k = starts[i, 0] % grid, starts[i, 1] % grid
@@ -279,10 +284,11 @@ def peaks_in_lanes(
                 if not rolling[lane] or n < looks[lane]:
                     continue
                 highest, lowest, heard_there = found[LANES + lane], found[6 * LANES + lane], found[7 * LANES + lane]
-                speed = lane % SPEEDS
-                if n >= lasts[i, lane] or _faded(
-                    heard_there, highest, lowest, smooth_high[speed], smooth_low[speed], negligible
-                ):
+                speed, end = lane % SPEEDS, ends[i, lane // SPEEDS]
+                faded = _faded(
+                    heard_there, highest, lowest, smooth_high[speed], smooth_low[speed], negligible, n >= end + grid
+                )
+                if faded or n >= end + run_outs[lane]:
                     rolling[lane] = False
                     left -= 1
                     peak, offset = _vertex(found[lane], highest, found[2 * LANES + lane])

@@ -4,7 +4,8 @@ LLVM does not vectorise the kernel's loops by itself (it cannot know that its ar
 a type of its own: arithmetic, `load`, `store` and a few functions become LLVM vector instructions, which every
 processor executes in registers as wide as it has. Lanes never mix, so that a lane's result does not depend on the
 others. A step waits for its contact's solution (roots and quotients); four times the width of the widest registers
-fills that wait. Single precision, `single`, serves for first guesses: its roots and quotients take a quarter of the time.
+fills that wait. Single precision, `single`, serves for first guesses: its roots and quotients take a quarter of the
+time.
 """
 
 import operator

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from weld_force_ros.core import _kernel
+from weld_force_ros.core.batch import ECHO_S
 from weld_force_ros.core.propagation import StateModel
 from weld_force_ros.core.rolling import Roller
-from weld_force_ros.core.surface import ECHO_S, Surface, SurfaceRoller
+from weld_force_ros.core.surface import Surface, SurfaceRoller
 from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import Trajectory
 from weld_force_ros.core.wheel import Wheel
@@ -107,9 +108,10 @@ class Rig:
     def start(self, trajectory: Trajectory, speed_kmh: float, position_m: float) -> Start:
         """The state in which a passage of `surface` begins, in the kernel's own scaling and its shortest step."""
         rolling = self.roller.rolling(speed_kmh, 1)
-        first = self.roller.start(position_m + trajectory.start_m)
+        first_m, end_m = trajectory.uneven_m
+        first = self.roller.start(position_m + first_m)
         state = self.roller.beginning(rolling, first)
-        last_m = position_m + trajectory.end_m + max(self.model.spacing_m, ECHO_S * speed_kmh / 3.6)
+        last_m = position_m + end_m + 2 * ECHO_S * speed_kmh / 3.6
         return Start(first * self.roller.grid_m, last_m, rolling.dt_s, state[:-3], state[-3:])
 
 

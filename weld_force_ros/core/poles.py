@@ -93,7 +93,7 @@ class PoleModel:
         )
 
     def _on_grid(self, at_m: Real) -> tuple[Complex, Real]:
-        """Shapes times the root of the pair's weight, plain and in pairs; remembered: every speed asks for a few grids."""
+        """Shapes times the root of the pair's weight, plain and in pairs; remembered, as speeds share a few grids."""
         key = at_m.tobytes()
         if key not in self._grids:
             shapes = np.sqrt(self.pair_weight) * self.shapes_at(at_m)

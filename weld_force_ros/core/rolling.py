@@ -88,7 +88,7 @@ class Roller:
 
     def beginning(self, rolling: Rolling, start: int) -> Real:
         """State at a start, (n_state + 3,)."""
-        return rolling.states[(start // self.longest_stride) % len(rolling.states)].copy()
+        return np.array(rolling.states[start // self.longest_stride % len(rolling.states)])
 
     def _at_rest(self, step: Propagation) -> tuple[Real, Real]:
         """Static state over the sleeper: rail states, and displacement, velocity and force of the wheel."""

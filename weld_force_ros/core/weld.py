@@ -41,6 +41,13 @@ class Trajectory:
         """Last sample's distance from the weld's centre."""
         return self.start_m + RESAMPLED_STEP_M * (len(self.height_m) - 1)
 
+    @cached_property
+    def uneven_m(self) -> tuple[float, float]:
+        """Where the height begins and ends to differ from zero, from the weld's centre; the first sample if nowhere."""
+        uneven = np.flatnonzero(self.height_m)
+        first, last = (uneven[0] - 1, uneven[-1] + 1) if len(uneven) else (0, 0)
+        return self.start_m + RESAMPLED_STEP_M * max(first, 0), self.start_m + RESAMPLED_STEP_M * last
+
     def at(self, x_m: Real) -> Real:
         """Height at any distances from the weld's centre, shape of `x_m`: cubic spline, zero outside."""
         inside = (x_m > self.start_m) & (x_m < self.end_m)
