@@ -2,7 +2,7 @@
 
 Numba's own cache knows one source file of several, demands a folder that it can write to, and stops at a damaged file.
 Here every signature of a function has a file, sealed with a digest of itself and of all that it was made from. What is
-stale, damaged or half another version's is compiled again; what cannot be written is not kept.
+stale or damaged is compiled again; what cannot be written is not kept.
 """
 
 import contextlib
@@ -11,7 +11,7 @@ import inspect
 import pickle
 import sys
 from collections.abc import Callable
-from functools import cache
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,6 @@ import numba
 import numpy as np
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
-from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 
 from weld_force_ros import user_cache
@@ -32,59 +31,63 @@ def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """`numba.njit` with `options`, its machine code kept: nothing is compiled before the first call, and then once.
 
     Kept beside the source or, where that is read-only, in the user's cache; in NUMBA_CACHE_DIR alone if that is set.
+    What a function uses from other modules is compiled in: those must be private modules of its package.
     """
 
     def decorate(function: Callable[..., Any]) -> Any:
         dispatcher = numba.njit(**options)(function)
-        if isinstance(dispatcher, Dispatcher):  # a plain function under NUMBA_DISABLE_JIT
+        if not numba.config.DISABLE_JIT:
             dispatcher._cache = _MachineCode(function)
         return dispatcher
 
     return decorate
 
 
-class _MachineCode(NullCache):  # type: ignore[misc]  # Numba ships no types
+class _MachineCode(NullCache):  # type: ignore[misc]  # Numba ships no types for it
     """One function's machine code as Numba's dispatcher asks for it and hands it over."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._name = function.__name__
         self._home = Path(inspect.getfile(function)).parent
+        # Read now: by the first call the sources may no longer be those that were imported.
+        self._made_from = _made_from(function.__module__.rpartition(".")[0])
 
     def load_overload(self, signature: Any, target: Any) -> CompileResult | None:
         target.refresh()
         for path in self._paths(signature, target.codegen()):
             with contextlib.suppress(OSError):
                 sealed = path.read_bytes()
-                if sealed == _sealed(sealed[_SEAL_BYTES:], self._home):
-                    return CompileResult._rebuild(target, *pickle.loads(sealed[_SEAL_BYTES:]))  # noqa: S301
+                code = sealed[_SEAL_BYTES:]
+                if sealed == self._sealed(code):
+                    return CompileResult._rebuild(target, *pickle.loads(code))  # noqa: S301
         return None
 
     def save_overload(self, signature: Any, result: CompileResult) -> None:
         if result.lifted or result.library.has_dynamic_globals:  # tied to this process
             return
-        sealed = _sealed(dumps(result._reduce()), self._home)
+        sealed = self._sealed(dumps(result._reduce()))
         for path in self._paths(signature, result.codegen):
             with contextlib.suppress(OSError):
                 user_cache.write_whole(sealed, path)
                 return
 
+    def _sealed(self, code: bytes) -> bytes:
+        return hashlib.sha256(self._made_from + code).digest() + code
+
     def _paths(self, signature: Any, codegen: Any) -> list[Path]:
         """Where machine code for this signature, processor and Python may lie, best first."""
-        made_for = (self._home, signature, codegen.magic_tuple(), sys.implementation.cache_tag)
+        made_for = (str(self._home), signature, codegen.magic_tuple(), sys.implementation.cache_tag)
         name = f"{self._name}-{hashlib.sha256(repr(made_for).encode()).hexdigest()[:16]}.nbc"
         if numba.config.CACHE_DIR:
             return [Path(numba.config.CACHE_DIR) / "weld_force_ros" / name]
         return [self._home / "__pycache__" / name, user_cache.folder("compiled") / name]
 
 
-def _sealed(code: bytes, home: Path) -> bytes:
-    return hashlib.sha256(_made_from(home) + code).digest() + code
-
-
-@cache
-def _made_from(home: Path) -> bytes:
-    """Digest of the sources and the compiler: functions compile in what they use from the private modules beside them."""
+def _made_from(package: str) -> bytes:
+    """Digest of the compiler, and of the sources that may be compiled in."""
     digest = hashlib.sha256(repr((numba.__version__, llvmlite.__version__, np.__version__)).encode())
-    for source in [Path(__file__), *sorted(home.glob("_*.py"))]:
+    private = [file for file in resources.files(package).iterdir() if file.name.startswith("_") and file.is_file()]
+    own = resources.files(__package__) / Path(__file__).name
+    for source in [own, *sorted(private, key=lambda file: file.name)]:
         digest.update(source.name.encode() + source.read_bytes())
     return digest.digest()

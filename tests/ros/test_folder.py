@@ -2,6 +2,7 @@
 
 import os
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -45,6 +46,52 @@ def test_file_written_in_two_parts_is_taken_once_and_whole(folder: Path) -> None
         assert taken.wait(2) == [("slow.csv", "first second"), ("z.csv", "last")]
 
 
+def test_file_is_taken_no_sooner_than_it_has_stood_still(folder: Path) -> None:
+    settle_s, pause = 0.2, threading.Event()
+    written_at: dict[str, float] = {}
+    taken = Outcomes()
+    watcher = FolderWatcher(
+        folder, (".csv",), settle_s, lambda path: taken((path.read_text(), time.monotonic())), lambda problem: None
+    )
+    watcher.start()
+    try:
+        with (folder / "a.csv").open("a") as file:
+            for size in range(1, 41):
+                written_at["x" * size] = time.monotonic()
+                file.write("x")
+                file.flush()
+                pause.wait(0.01)
+        taken.wait(1, lambda seen: seen[0] == "x" * 40)
+    finally:
+        watcher.close(5.0)
+    # A writer that the machine stops for longer than that may be read halfway: then, too, it had stood still.
+    assert all(taken_at - written_at[content] >= settle_s for content, taken_at in taken.messages)
+
+
+def test_file_that_grows_while_another_is_read_must_stand_still_anew(folder: Path) -> None:
+    settle_s, pause = 0.2, threading.Event()
+    written_at: list[float] = []
+    taken = Outcomes()
+
+    def take(path: Path) -> None:
+        if path.name == "a.csv":
+            pause.wait(2 * settle_s)  # slow to read
+            written_at.append(time.monotonic())
+            (folder / "b.csv").write_text("first second")
+        taken((path.name, path.read_text(), time.monotonic()))
+
+    (folder / "a.csv").write_text("a")
+    (folder / "b.csv").write_text("first ")
+    watcher = FolderWatcher(folder, (".csv",), settle_s, take, lambda problem: None)
+    watcher.start()
+    try:
+        _, (name, content, taken_at) = taken.wait(2)
+    finally:
+        watcher.close(5.0)
+    assert (name, content) == ("b.csv", "first second")
+    assert taken_at - written_at[0] >= settle_s
+
+
 def test_changed_file_is_taken_again(folder: Path) -> None:
     with watching(folder) as (_, taken):
         (folder / "a.csv").write_text("one")
@@ -53,11 +100,30 @@ def test_changed_file_is_taken_again(folder: Path) -> None:
         assert taken.wait(2) == [("a.csv", "one"), ("a.csv", "another")]
 
 
-def test_file_moved_into_place_is_taken(folder: Path, tmp_path: Path) -> None:
-    (tmp_path / "a.csv.part").write_text("whole")
+@pytest.mark.parametrize("beside", ["measurements", "."], ids=["within the folder", "from another folder"])
+def test_file_moved_into_place_is_taken(folder: Path, tmp_path: Path, beside: str) -> None:
+    (tmp_path / beside / "a.csv.part").write_text("whole")
+    (folder / "0.csv").write_text("first")
     with watching(folder) as (_, taken):
-        os.replace(tmp_path / "a.csv.part", folder / "a.csv")
-        assert taken.wait(1) == [("a.csv", "whole")]
+        taken.wait(1)
+        os.replace(tmp_path / beside / "a.csv.part", folder / "a.csv")
+        assert taken.wait(2)[1:] == [("a.csv", "whole")]
+
+
+def test_files_of_a_relative_folder_keep_their_path(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    taken = Outcomes()
+    watcher = FolderWatcher(Path(folder.name), (".csv",), 0.05, taken, lambda problem: None)
+    (folder / "a.csv").write_text("there before")
+    watcher.start()
+    try:
+        taken.wait(1)
+        (folder / "b.csv").write_text("told of")
+        assert taken.wait(2) == [Path("measurements/a.csv"), Path("measurements/b.csv")]
+    finally:
+        watcher.close(5.0)
 
 
 def test_what_is_no_measurement_file_is_left_alone(folder: Path) -> None:

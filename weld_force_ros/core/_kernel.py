@@ -9,8 +9,8 @@ which has one root; with u = sqrt(delta) it is a cubic that Newton's method desc
 """
 
 import numpy as np
-from numba import njit
 
+from weld_force_ros.compiled import compiled
 from weld_force_ros.core._vector import (
     LANES,
     SPEEDS,
@@ -34,7 +34,7 @@ _LOOK = 16  # steps between two looks whether a passage may end
 _FADED = 0.5
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST, inline="always")
+@compiled(nogil=True, fastmath=_FAST, inline="always")
 def contact_force(free, compliance, hertz):
     """Root of f = hertz (free - compliance f)^(3/2); zero where `free` is not positive."""
     if free <= 0.0:
@@ -47,7 +47,23 @@ def contact_force(free, compliance, hertz):
     return hertz * u * u * u
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST, inline="always")
+@compiled(nogil=True, fastmath=_FAST, inline="always")
+def _copy(source, target):
+    """`target[:] = source`, for which Numba would compile seconds of code that words an error of shapes."""
+    for i in range(target.shape[0]):
+        target[i] = source[i]
+
+
+@compiled(nogil=True, fastmath=_FAST, inline="always")
+def _range(values):
+    """Highest and least; NumPy's own take a second to compile."""
+    high, low = values[0], values[0]
+    for value in values:
+        high, low = max(high, value), min(low, value)
+    return high, low
+
+
+@compiled(nogil=True, fastmath=_FAST, inline="always")
 def _advance(rail, spare, drive, force, decay, transitions, j):
     """States of the next grid point, without the force that will act there; `spare` is room for them."""
     if transitions.shape[0] == 0:
@@ -61,10 +77,10 @@ def _advance(rail, spare, drive, force, decay, transitions, j):
             for k in range(rail.shape[0]):
                 total += transitions[j, i, k] * rail[k]
             spare[i] = total
-        rail[:] = spare
+        _copy(spare, rail)
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST, inline="always")
+@compiled(nogil=True, fastmath=_FAST, inline="always")
 def _meet(rail, wheel, shape, gain, irregularity, physics, dt):
     """Contact at the end of a step: moves `wheel` (displacement, velocity, force), returns the force."""
     mass, load, hertz = physics[0], physics[1], physics[2]
@@ -81,7 +97,7 @@ def _meet(rail, wheel, shape, gain, irregularity, physics, dt):
     return force
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@compiled(nogil=True, fastmath=_FAST)
 def approach(rail, wheel, decay, transitions, drives, shapes, gains, physics, dt, tolerance, most_spans, states):
     """Roll over smooth rail, span by span, until the force repeats; the last span's states are kept.
 
@@ -95,8 +111,8 @@ def approach(rail, wheel, decay, transitions, drives, shapes, gains, physics, dt
         for j in range(grid):
             if span > 0:
                 change = max(change, abs(states[j, -1] - wheel[2]))
-            states[j, :-3] = rail
-            states[j, -3:] = wheel
+            _copy(rail, states[j, :-3])
+            _copy(wheel, states[j, -3:])
             ahead = j + 1 if j + 1 < grid else 0
             _advance(rail, spare, drives[j], wheel[2], decay, transitions, j)
             _meet(rail, wheel, shapes[ahead], gains[ahead], 0.0, physics, dt)
@@ -107,7 +123,7 @@ def approach(rail, wheel, decay, transitions, drives, shapes, gains, physics, dt
     return -1
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST, inline="always")
+@compiled(nogil=True, fastmath=_FAST, inline="always")
 def _faded(echo, highest, least, smooth_high, smooth_low, negligible, a_span_behind):
     """Whether an echo of this amplitude can no longer change the extremes, or only by a negligible force."""
     if echo <= _FADED * min(highest - smooth_high, smooth_low - least):
@@ -116,7 +132,7 @@ def _faded(echo, highest, least, smooth_high, smooth_low, negligible, a_span_beh
     return a_span_behind and echo <= negligible
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST, inline="always")
+@compiled(nogil=True, fastmath=_FAST, inline="always")
 def _vertex(before, top, after):
     """Of the parabola through a highest sample and its neighbours: value, and place in steps from the sample."""
     bend = before - 2.0 * top + after
@@ -126,7 +142,7 @@ def _vertex(before, top, after):
     return top - 0.25 * (before - after) * offset, offset
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@compiled(nogil=True, fastmath=_FAST)
 def peaks_at_speed(
     beginnings, decay, transitions, drives, shapes, gains, starts, ends, window, run_out, smooth, negligible,
     irregularities, physics, dt, results,
@@ -136,11 +152,11 @@ def peaks_at_speed(
     `beginnings` (n_position, n_state + 3): that state. A passage's weld is behind after `ends[i]` steps; it ends when a
     `window` of steps has seen the echo fade, at the latest after `run_out` steps more. `smooth` (n_grid,): the force on
     smooth rail; an echo below `negligible` (N) is not waited for. `irregularities` (n_position, n): from the start on,
-    zero beyond. `results` (n_position, 5): peak force, its place in steps from the start, least force, time without
-    contact, largest second difference of the force.
+    zero beyond. `results` (n_position, 6): peak force, its place in steps from the start, least force, time without
+    contact, largest second difference of the force, steps rolled.
     """
     grid, irregular = drives.shape[0], irregularities.shape[1]
-    smooth_high, smooth_low = smooth.max(), smooth.min()
+    smooth_high, smooth_low = _range(smooth)
     for i in range(starts.shape[0]):
         j = starts[i] % grid
         rail, wheel = beginnings[i, :-3].copy(), beginnings[i, -3:].copy()
@@ -170,12 +186,12 @@ def peaks_at_speed(
                 look, echo = n + window, 0.0
         peak, offset = _vertex(top_before, top, top_after)
         results[i, 0], results[i, 1], results[i, 2] = peak, place + offset, least
-        results[i, 3], results[i, 4] = apart * dt, bend
+        results[i, 3], results[i, 4], results[i, 5] = apart * dt, bend, n
         if not np.isfinite(wheel[0]):
-            results[i, :] = np.nan
+            results[i, 0] = np.nan
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@compiled(nogil=True, fastmath=_FAST)
 def peaks_in_lanes(
     beginnings, decay, turn, drives, gains, starts, ends, windows, run_outs, smooth, negligible, irregularities,
     physics, dts, results,
@@ -185,7 +201,7 @@ def peaks_in_lanes(
     Common poles only. `beginnings` (n_pair, n_state + 3, LANES): states at the starts; `decay` and `turn`
     (2, n_pole, LANES): E and what takes a drive to the shape; `drives` (n_grid, n_state) of every speed; `gains`
     (n_grid, SPEEDS); `starts` and `ends` (n_pair, 2); `windows` and `run_outs` (LANES,); `smooth`
-    (n_grid, SPEEDS); `irregularities` (n_pair, 2, n); `dts` (LANES,); `results` (n_pair, LANES, 5).
+    (n_grid, SPEEDS); `irregularities` (n_pair, 2, n); `dts` (LANES,); `results` (n_pair, LANES, 6).
     """
     grid, states = drives.shape[0], drives.shape[1]
     pairs, irregular = states // 2, irregularities.shape[2]
@@ -193,7 +209,7 @@ def peaks_in_lanes(
     surface, smooth_rows = irregularities.ravel(), smooth.ravel()
     smooth_high, smooth_low = np.empty(SPEEDS), np.empty(SPEEDS)
     for lane in range(SPEEDS):
-        smooth_high[lane], smooth_low[lane] = smooth[:, lane].max(), smooth[:, lane].min()
+        smooth_high[lane], smooth_low[lane] = _range(smooth[:, lane])
     rail, found = np.empty(states * LANES), np.empty(9 * LANES)
     looks, rolling = np.empty(LANES, np.int64), np.empty(LANES, np.bool_)
     zero, one, two, three = splat(0.0), splat(1.0), splat(2.0), splat(3.0)
@@ -205,7 +221,7 @@ def peaks_in_lanes(
     own = dt * kick * splat(1.0 / 6.0)
     for i in range(starts.shape[0]):
         begin = beginnings[i].ravel()
-        rail[:] = begin[: states * LANES]
+        _copy(begin[: states * LANES], rail)
         wheel, velocity, force = load(begin, states), load(begin, states + 1), load(begin, states + 2)
         before, top, top_before, top_after, least = force, force, force, force, force
         place, apart, bend, echo = zero, zero, zero, zero
@@ -246,7 +262,7 @@ def peaks_in_lanes(
             stiff = (load_two(gain_rows, j_ahead, k_ahead) + own) * hertz
             gap_single, stiff_single = single(gap), single(stiff)
             guess = square_root(gap_single / multiply_add(stiff_single, square_root(gap_single), one_single)) + tiny
-            for _ in range(2):
+            for _ in range(3):
                 bent = stiff_single * guess
                 inverse = one_single / (guess * multiply_add(three_single, bent, two_single))
                 guess = guess - (guess * guess * (one_single + bent) - gap_single) * inverse
@@ -294,9 +310,9 @@ def peaks_in_lanes(
                     peak, offset = _vertex(found[lane], highest, found[2 * LANES + lane])
                     results[i, lane, 0], results[i, lane, 1] = peak, found[3 * LANES + lane] + offset
                     results[i, lane, 2], results[i, lane, 3] = lowest, found[4 * LANES + lane]
-                    results[i, lane, 4] = found[5 * LANES + lane]
+                    results[i, lane, 4], results[i, lane, 5] = found[5 * LANES + lane], n
                     if not np.isfinite(found[8 * LANES + lane]):
-                        results[i, lane, :] = np.nan
+                        results[i, lane, 0] = np.nan
                 else:
                     looks[lane] = n + windows[lane]
                     found[7 * LANES + lane] = 0.0
@@ -305,7 +321,18 @@ def peaks_in_lanes(
                 echo = load(found, 7)
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@compiled(nogil=True, fastmath=_FAST)
+def multiply_adds(numbers, rounds):
+    """Four chains of multiply-adds of `LANES` in registers: the most that one core can do, to compare with."""
+    factor, term = load(numbers, 0), load(numbers, 1)
+    a, b, c, d = load(numbers, 2), load(numbers, 3), load(numbers, 4), load(numbers, 5)
+    for _ in range(rounds):
+        a, b = multiply_add(a, factor, term), multiply_add(b, factor, term)
+        c, d = multiply_add(c, factor, term), multiply_add(d, factor, term)
+    store(numbers, 2, a + b + c + d)
+
+
+@compiled(nogil=True, fastmath=_FAST)
 def history_of_passage(
     rail, wheel, decay, transitions, drives, shapes, gains, start, irregularity, physics, dt, result
 ):
@@ -325,7 +352,7 @@ def history_of_passage(
         result[n, 2] = displacement
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@compiled(nogil=True, fastmath=_FAST)
 def moving_response(
     behind_re, behind_im, shape_re, shape_im, multiplier_re, multiplier_im, turn_re, turn_im, start, row
 ):
@@ -364,7 +391,7 @@ def moving_response(
         j += 1
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@compiled(nogil=True, fastmath=_FAST)
 def passage_by_convolution(rows, nodes, weights, start, at_rest, irregularity, physics, dt, result):
     """Roll from grid point `start`; the rail's displacement is the sum of the responses to all earlier forces.
 
@@ -402,7 +429,7 @@ def passage_by_convolution(rows, nodes, weights, start, at_rest, irregularity, p
             j = 0
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@compiled(nogil=True, fastmath=_FAST)
 def rate(time, state, poles_re, poles_im, shapes, grid_m, pieces, piece_m, from_x, to_first, speed, physics, slope):
     """Time derivative of (rail states, wheel, velocity) of common poles: what the steps solve, for general solvers.
 
@@ -437,3 +464,33 @@ def rate(time, state, poles_re, poles_im, shapes, grid_m, pieces, piece_m, from_
     slope[2 * pairs] = state[2 * pairs + 1]
     slope[2 * pairs + 1] = (physics[1] - force) / physics[0]
     return force
+
+
+@compiled(nogil=True, fastmath=_FAST)
+def peak_by_runge_kutta(
+    state, dt, steps, poles_re, poles_im, shapes, grid_m, pieces, piece_m, from_x, to_first, speed, physics
+):
+    """Peak force of `rate` by the classical fourth-order method in small steps: another solver for every passage."""
+    size = state.shape[0]
+    y, z = state.copy(), np.empty(size)
+    slopes = np.empty((4, size))
+    before, force, peak = 0.0, 0.0, 0.0
+    for n in range(steps):
+        time = n * dt
+        after = rate(
+            time, y, poles_re, poles_im, shapes, grid_m, pieces, piece_m, from_x, to_first, speed, physics, slopes[0]
+        )
+        if n > 1 and force >= before and force >= after and force > peak:
+            peak = _vertex(before, force, after)[0]
+        before, force = force, after
+        for k in range(1, 4):
+            part = dt if k == 3 else 0.5 * dt
+            for i in range(size):
+                z[i] = y[i] + part * slopes[k - 1, i]
+            rate(
+                time + part, z, poles_re, poles_im, shapes, grid_m, pieces, piece_m, from_x, to_first, speed, physics,
+                slopes[k],
+            )  # fmt: skip
+        for i in range(size):
+            y[i] += dt / 6.0 * (slopes[0, i] + 2.0 * slopes[1, i] + 2.0 * slopes[2, i] + slopes[3, i])
+    return peak

@@ -82,8 +82,8 @@ class Batch:
         """Every speed at some of the positions.
 
         Returns:
-            (n_speed, n_column, 5): peak force, its place in steps from the start, least force, time without contact,
-            largest second difference of the force. NaN where a passage did not stay finite.
+            (n_speed, n_column, 6): peak force, its place in steps from the start, least force, time without contact,
+            largest second difference of the force, steps rolled. NaN where a passage did not stay finite.
         """
         return (self._peaks_in_lanes if self._side_by_side else self._peaks_alone)(weld, columns)
 
@@ -93,17 +93,17 @@ class Batch:
         at = starts // self._roller.longest_stride % len(self._states)
         # (n_pair, 2, n_state + 3, SPEEDS), then a lane for each of the two positions and each speed
         beginnings = self._states[at].transpose(0, 2, 1, 3).reshape(len(pairs), -1, LANES)
-        found = np.empty((len(pairs), 2, SPEEDS, 5))
+        found = np.empty((len(pairs), 2, SPEEDS, 6))
         _kernel.peaks_in_lanes(
             beginnings, self._decay, self._turn, self._drives, self._gains, starts // self.stride, weld.ends[pairs],
             self._windows, self._run_outs, self._smooth, self._negligible_n, weld.irregularity_m[pairs],
-            self._roller.physics, self._dts, found.reshape(len(pairs), LANES, 5),
+            self._roller.physics, self._dts, found.reshape(len(pairs), LANES, 6),
         )  # fmt: skip
-        return found.reshape(-1, SPEEDS, 5)[: len(columns), : self.count].transpose(1, 0, 2)
+        return found.reshape(-1, SPEEDS, 6)[: len(columns), : self.count].transpose(1, 0, 2)
 
     def _peaks_alone(self, weld: Approaches, columns: Columns) -> Real:
         starts = weld.starts[columns]
-        results = np.empty((self.count, len(columns), 5))
+        results = np.empty((self.count, len(columns), 6))
         for (rolling, window, run_out), result in zip(self._alone, results, strict=True):
             step = rolling.step
             beginnings = np.stack([self._roller.beginning(rolling, start) for start in starts])

@@ -110,14 +110,14 @@ class _Task:
 
     Attributes:
         wanted: (n_speed, n_position), the stride that each passage is still to be rolled in; 0 where it is done.
-        results: (n_speed, n_position, 5), as `Batch.peaks`, but places in m.
+        results: (n_speed, n_position, 6), as `Batch.peaks`, but places in m.
     """
 
     def __init__(self, trajectory: Trajectory, speeds_kmh: Real, positions_m: Real, roller: Roller) -> None:
         self.trajectory, self.speeds_kmh, self.positions_m = trajectory, speeds_kmh, positions_m
         strides = [[roller.coarsest_stride(speed)] for speed in speeds_kmh]
         self.wanted = np.repeat(strides, len(positions_m), axis=1)
-        self.results = np.empty((*self.wanted.shape, 5))
+        self.results = np.empty((*self.wanted.shape, 6))
 
     def keep(self, rows: Rows, columns: Rows, asked: NDArray[np.bool_], found: Real, finer: NDArray[np.int64]) -> None:
         """Take over what was asked of a company's results."""
@@ -127,7 +127,7 @@ class _Task:
 
 
 def _finer(stride: int, results: Real) -> NDArray[np.int64]:
-    """The stride that results (..., 5) ask for, as the error goes with its square; 0 where they are good enough."""
+    """The stride that results (..., 6) ask for, as the error goes with its square; 0 where they are good enough."""
     excess = _ESTIMATE * results[..., 4] / (TOLERANCE * results[..., 0])
     good = ~(excess > 1) | (stride == 1)
     halvings = np.ceil(0.5 * np.log2(np.where(good, 1.0, excess))).astype(np.int64)

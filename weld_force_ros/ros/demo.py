@@ -67,7 +67,7 @@ def demonstrate(folder: Path, *, track: str, on_outcome: Callable[[str], None]) 
         stop_signals() as (stop, _),
         Suite(
             parameters={
-                "profile": {"folder": str(measurements), "settle_s": 0.2},
+                "profile": {"folder": str(measurements)},
                 "simulator": {"track": track},
                 "assessment": {"bag": str(bag)},
             },

@@ -14,12 +14,12 @@ import msgspec
 import numpy as np
 
 from weld_force_ros import profiles, replay
-from weld_force_ros.assess import DEFAULT_POSITIONS, parse_speeds
+from weld_force_ros.assess import parse_speeds
+from weld_force_ros.bench.study import POSITIONS, SPEEDS
 from weld_force_ros.contract import Rejection, Verdict, profile_sha256
 from weld_force_ros.errors import WeldForceError
 
-SPEEDS = "20:255:5"
-_PASSAGES = len(parse_speeds(SPEEDS)) * int(DEFAULT_POSITIONS)
+_PASSAGES = len(parse_speeds(SPEEDS)) * POSITIONS
 _WELD = "weld-1-dip"
 _DEEPER = 1e-4
 _FLOOD = 150
@@ -34,9 +34,8 @@ def latencies(files: int = 20) -> dict[str, Any]:
     """
     try:
         with _nodes(files + 1) as nodes:
-            for number, file in enumerate(nodes.files, start=1):
-                nodes.offer(file)
-                nodes.wait_for_verdicts(number)
+            for file in nodes.files:
+                nodes.judge_alone(file)
     except ImportError:
         return {}
     waited_s = nodes.waited_s[1:]  # the first compiles and loads
@@ -57,7 +56,7 @@ def sustained(seconds: float = 60.0, welds_per_s: float = 5.0) -> dict[str, Any]
         welds_per_s: how many, evenly in time.
 
     Raises:
-        WeldForceError: a weld was rejected, or a node cannot work.
+        WeldForceError: a weld was rejected, or the nodes stopped working.
     """
     try:
         steady = _run(round(seconds * welds_per_s), 1 / welds_per_s)
@@ -91,14 +90,15 @@ class _Run:
 
 def _run(welds: int, interval_s: float) -> _Run:
     with _nodes(welds + 1) as nodes:
-        nodes.offer(nodes.files[0])
-        nodes.wait_for_verdicts(1)
+        nodes.judge_alone(nodes.files[0])
         began = time.perf_counter()
         for number, file in enumerate(nodes.files[1:]):
             time.sleep(max(0.0, began + number * interval_s - time.perf_counter()))
             nodes.offer(file)
         nodes.wait_for_verdicts(welds + 1)
     offered, judged = list(nodes.offered_s.values())[1:], list(nodes.judged_s.values())[1:]
+    if len(judged) < 2:
+        raise WeldForceError(f"{len(judged)} of {welds} welds were judged; look at the nodes' log")
     return _Run(
         welds=welds,
         lost=len(nodes.lost),
@@ -134,6 +134,13 @@ class _Nodes:
         """From file to verdict, in order of the files."""
         return [self.judged_s[weld] - at for weld, at in self.offered_s.items() if weld in self.judged_s]
 
+    def judge_alone(self, file: Path) -> None:
+        """Offer one weld when no other is under way."""
+        self.offer(file)
+        self.wait_for_verdicts(len(self.offered_s))
+        if file.stem not in self.judged_s:
+            raise WeldForceError(f"no verdict on {file.name} within {_STALLED_S:g} s; look at the nodes' log")
+
     def offer(self, file: Path) -> None:
         self.offered_s[file.stem] = time.perf_counter()
         file.rename(self.measurements / file.name)
@@ -147,12 +154,12 @@ class _Nodes:
         if self._refused is not None:
             raise WeldForceError(self._refused)
 
-    def judge(self, verdict: Verdict) -> None:
+    def note_verdict(self, verdict: Verdict) -> None:
         with self._changed:
             self.judged_s[verdict.weld_id] = time.perf_counter()
             self._changed.notify()
 
-    def refuse(self, rejection: Rejection) -> None:
+    def note_rejection(self, rejection: Rejection) -> None:
         with self._changed:
             self._refused = f"{rejection.source} was rejected: {rejection.reason}"
             self._changed.notify()
@@ -184,8 +191,8 @@ def _nodes(welds: int) -> Iterator[_Nodes]:
                 "assessment": {"bag": str(nodes.bag)},
             },
             ros_args=["--ros-args", "--log-level", "warn"],
-            on_verdict=nodes.judge,
-            on_rejection=nodes.refuse,
+            on_verdict=nodes.note_verdict,
+            on_rejection=nodes.note_rejection,
         ) as suite:
             yield nodes
             left, failure = suite.drain(), suite.failure

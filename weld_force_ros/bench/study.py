@@ -1,0 +1,75 @@
+"""The paper's kind of investigation as a workload: seven welds at 48 speeds and 15 positions, 5,040 passages."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from weld_force_ros import fits, profiles, tracks
+from weld_force_ros.assess import Simulator, parse_speeds, simulation_settings
+from weld_force_ros.contract import WeldProfile
+from weld_force_ros.core.passage import Rig
+from weld_force_ros.core.poles import PoleModel
+from weld_force_ros.core.track import Real
+from weld_force_ros.core.weld import Trajectory
+
+TRACK = "bilbao"
+SPEEDS = "20:255:5"
+POSITIONS = 15
+WELDS = (
+    "weld-1-dip",
+    "weld-2-rise-between-shrinkages",
+    "weld-3-long-ground-dip",
+    "weld-4-steep-ramp",
+    "weld-5-ramp-protrusion",
+    "cosine-dip-48mm",
+    "wheel-flat-0.9mm",
+)
+
+
+@dataclass(frozen=True)
+class Study:
+    """The study's welds and a simulator for them."""
+
+    simulator: Simulator
+    welds: dict[str, WeldProfile]
+    trajectories: dict[str, Trajectory]
+
+    @property
+    def speeds_kmh(self) -> Real:
+        """(48,)."""
+        return np.array(self.simulator.settings.speeds_kmh)
+
+    @property
+    def positions_m(self) -> Real:
+        """(15,), over one span."""
+        return np.array(self.simulator.settings.positions_m)
+
+    @property
+    def passages(self) -> int:
+        """Of all welds."""
+        return len(self.welds) * len(self.speeds_kmh) * POSITIONS
+
+    def roll(self, rig: Rig | None = None) -> None:
+        """Every passage once, by the simulator's own rig or another."""
+        roll = (rig or self.simulator.rig).surface
+        for trajectory in self.trajectories.values():
+            roll(trajectory, self.speeds_kmh, self.positions_m)
+
+
+def study(engine: str = "common-poles") -> Study:
+    """The study with an engine."""
+    settings = simulation_settings(track=TRACK, engine=engine, speeds_kmh=parse_speeds(SPEEDS), positions=POSITIONS)
+    simulator = Simulator(settings)
+    welds = {name: profiles.read_profile(profiles.find(name)) for name in WELDS}
+    return Study(simulator, welds, {name: simulator.trajectory(weld) for name, weld in welds.items()})
+
+
+def rig(threads: int | None = None) -> Rig:
+    """The study's wheel and track on so many threads, or one a core."""
+    definition = tracks.load(TRACK)
+    return Rig(model(), definition.wheel, threads=threads)
+
+
+def model() -> PoleModel:
+    """The study's track as common poles."""
+    return fits.fitted(tracks.load(TRACK)).model()
