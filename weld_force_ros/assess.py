@@ -193,7 +193,7 @@ class Simulator:
         """The wheel centre's trajectory over a profile."""
         return wheel_trajectory(np.array(profile.x_m), np.array(profile.z_m), self.rig.wheel.radius_m)
 
-    def force_map(self, profile: WeldProfile, *, on_speed: Callable[[], None] | None = None) -> ForceMap:
+    def force_map(self, profile: WeldProfile, *, on_speed: Callable[[], None] = lambda: None) -> ForceMap:
         """Peak force at every speed and position of the settings; `on_speed` is called after each speed.
 
         Raises:

@@ -427,6 +427,7 @@ def schema(
 @app.command()
 def bench(
     repetitions: Annotated[int, typer.Option(min=1, max=50, help="Interleaved repetitions of each timing.")] = 3,
+    quick: Annotated[bool, typer.Option("--quick", help="Without what takes minutes.")] = False,
     json: Json = None,
 ) -> None:
     """How fast and how exact on this machine, against a general solver in the same run."""
@@ -434,18 +435,18 @@ def bench(
     from weld_force_ros import terminal
 
     with terminal.console.status("measuring") as status:
-        found = benchmark.run(repetitions=repetitions, on_step=status.update)
+        found = benchmark.run(repetitions=repetitions, quick=quick, on_step=status.update)
     with _lines(json) as out:
         _write(out, found)
     terminal.table(
-        "Benchmark (medians)",
-        [("what", ""), ("measured", "right")],
-        [(name, _figures(value)) for name, value in found.items()],
+        "Benchmark",
+        [("what", ""), ("median", "right"), ("least to most", "right")],
+        [
+            (name, f"{value:.4g}", " to ".join(f"{end:.4g}" for end in found.get(f"{name}_spread", [])))
+            for name, value in found.items()
+            if not name.endswith("_spread")
+        ],
     )
-
-
-def _figures(value: Any) -> str:
-    return ", ".join(_figures(v) for v in value) if isinstance(value, list) else f"{value:.4g}"
 
 
 @study_app.callback()

@@ -1,11 +1,14 @@
 """What a step of the kernel costs in operations, and how near that comes to what a core can do."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 
 from weld_force_ros.bench import study, timing
 from weld_force_ros.core import _kernel
-from weld_force_ros.core._vector import LANES
-from weld_force_ros.core.batch import Approaches, Batch
+from weld_force_ros.core._vector import LANES, SPEEDS
+from weld_force_ros.core.batch import Approaches, make_batch
+from weld_force_ros.core.track import Real
 
 _STEPS = 1 << 14
 _PAIRS = 4
@@ -26,16 +29,22 @@ def arithmetic(repetitions: int) -> dict[str, object]:
     """One thread: the kernel on a smooth wave of fixed length, and independent multiply-adds in registers."""
     model = study.model()
     roller = study.rig(1).roller
-    batch = Batch(roller, np.linspace(60.0, 200.0, 16), roller.longest_stride)
-    columns = np.arange(2 * _PAIRS)
-    wave = 1e-5 * np.sin(0.05 * np.arange(_STEPS + 1)) * np.ones((len(columns), 1))
-    weld = Approaches(37 * roller.longest_stride * columns, np.full(len(columns), _STEPS), wave)
+    positions = np.arange(2 * _PAIRS)
+    wave = 1e-5 * np.sin(0.05 * np.arange(_STEPS + 1)) * np.ones((len(positions), 1))
+    weld = Approaches(37 * roller.longest_stride * positions, np.full(len(positions), _STEPS), wave)
+    everything = np.ones((SPEEDS, len(positions)), dtype=np.bool_)
+    pool = ThreadPoolExecutor(1)
+    batch = make_batch(roller, np.linspace(60.0, 200.0, SPEEDS), roller.longest_stride, pool)
+
+    def roll() -> Real:
+        return batch.peaks(weld, everything, pool, 1)
+
     # All lanes of a pair of positions roll until the last of them is done.
-    steps = LANES * batch.peaks(weld, columns)[:, ::2, 5].max(axis=0).sum()
+    steps = LANES * roll()[:, :, 5].reshape(SPEEDS, _PAIRS, 2).max(axis=(0, 2)).sum()
     numbers = np.full(LANES * (_CHAINS + 2), 0.5)
     taken = timing.interleaved(
         {
-            "kernel": lambda: batch.peaks(weld, columns),
+            "kernel": roll,
             "peak": lambda: _kernel.multiply_adds(numbers, _ROUNDS),
         },
         repetitions,

@@ -6,12 +6,13 @@ from typing import Any
 from weld_force_ros.bench import study, timing
 
 _REFERENCE_SPEED_KMH = 100.0
+_TIMES = 4
 
 
 def engines(repetitions: int) -> dict[str, Any]:
     """Common poles and RFP roll the whole study; the reference one weld at one speed."""
     fast, rational, reference = (study.study(engine) for engine in ("common-poles", "rfp", "reference"))
-    weld = reference.trajectories[study.WELDS[0]]
+    weld = reference.trajectories[study.WELDS[1]]
     taken = timing.interleaved(
         {
             "common_poles": fast.roll,
@@ -28,11 +29,12 @@ def engines(repetitions: int) -> dict[str, Any]:
 
 
 def threads(repetitions: int) -> dict[str, Any]:
-    """The study on one thread and on two, in turn."""
+    """The study four times over, in one stream, on one thread and on two, in turn."""
     workload = study.study()
     rigs = {count: study.rig(count) for count in (1, 2)}
     taken = timing.interleaved(
-        {f"study_{count}_thread_s": partial(workload.roll, rig) for count, rig in rigs.items()}, repetitions
+        {f"{_TIMES}_studies_{count}_thread_s": partial(workload.roll, rig, _TIMES) for count, rig in rigs.items()},
+        repetitions,
     )
     one, two = taken.values()
     found: dict[str, Any] = {}

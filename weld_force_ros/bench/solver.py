@@ -138,12 +138,12 @@ def accuracy() -> dict[str, Any]:
         )
     found = np.array([surfaces[name].peak_force_n[row, column] for name, row, column in cells])
     return {
-        "peak_error_percent_max": _percent(found, every).max(),
+        "peak_error_percent_max": float(_percent(found, every).max()),
         "peak_error_percent_median": float(np.median(_percent(found, every))),
         "peak_error_passages": len(cells),
-        "sample_peak_error_percent_max": _percent(kernel, tight).max(),
-        "sample_solve_ivp_error_percent_max": _percent(usual, tight).max(),
-        "sample_runge_kutta_error_percent_max": _percent(bridge, tight).max(),
+        "sample_peak_error_percent_max": float(_percent(kernel, tight).max()),
+        "sample_solve_ivp_error_percent_max": float(_percent(usual, tight).max()),
+        "sample_runge_kutta_error_percent_max": float(_percent(bridge, tight).max()),
         "sample_passages": len(sample),
     }
 

@@ -21,4 +21,4 @@ def interleaved(kinds: Mapping[str, Callable[[], object]], repetitions: int) -> 
 
 def figure(name: str, values: list[float]) -> dict[str, Any]:
     """Median, least and most of repetitions, as entries of the result."""
-    return {name: statistics.median(values), f"{name}_spread": [min(values), max(values)]}
+    return {name: float(statistics.median(values)), f"{name}_spread": [float(min(values)), float(max(values))]}

@@ -143,6 +143,23 @@ def _vertex(before, top, after):
 
 
 @compiled(nogil=True, fastmath=_FAST)
+def sampled(pieces, piece_m, first_m, firsts_m, step_m, rows):
+    """Values of a cubic spline, zero outside, along rows that begin at `firsts_m` (n_row,): `rows` (n_row, n).
+
+    `pieces` (4, n): coefficients of pieces of equal length from `first_m` on, as of `scipy.interpolate.PPoly`.
+    """
+    for i in range(rows.shape[0]):
+        for n in range(rows.shape[1]):
+            place = (firsts_m[i] + n * step_m - first_m) / piece_m
+            value = 0.0
+            if 0.0 < place < pieces.shape[1]:
+                piece = int(place)
+                s = (place - piece) * piece_m
+                value = ((pieces[0, piece] * s + pieces[1, piece]) * s + pieces[2, piece]) * s + pieces[3, piece]
+            rows[i, n] = value
+
+
+@compiled(nogil=True, fastmath=_FAST)
 def peaks_at_speed(
     beginnings, decay, transitions, drives, shapes, gains, starts, ends, window, run_out, smooth, negligible,
     irregularities, physics, dt, results,
@@ -193,40 +210,43 @@ def peaks_at_speed(
 
 @compiled(nogil=True, fastmath=_FAST)
 def peaks_in_lanes(
-    beginnings, decay, turn, drives, gains, starts, ends, windows, run_outs, smooth, negligible, irregularities,
+    items, beginnings, decay, turn, drives, gains, starts, ends, windows, run_outs, smooth, negligible, irregularities,
     physics, dts, results,
 ):  # fmt: skip
     """`peaks_at_speed` for sixteen speeds at two positions side by side, on the same grid: a lane each.
 
-    Common poles only. `beginnings` (n_pair, n_state + 3, LANES): states at the starts; `decay` and `turn`
-    (2, n_pole, LANES): E and what takes a drive to the shape; `drives` (n_grid, n_state) of every speed; `gains`
-    (n_grid, SPEEDS); `starts` and `ends` (n_pair, 2); `windows` and `run_outs` (LANES,); `smooth`
-    (n_grid, SPEEDS); `irregularities` (n_pair, 2, n); `dts` (LANES,); `results` (n_pair, LANES, 6).
+    Common poles only. `items` (n_item, 2): which company of speeds rolls at which pair of positions; `beginnings`
+    (n_item, n_state + 3, LANES): its states at the starts. Of every company: `decay` and `turn`
+    (n_company, 2, n_pole, LANES), E and what takes a drive to the shape; `gains` and `smooth`
+    (n_company, n_grid, SPEEDS); `windows`, `run_outs` and `dts` (n_company, LANES). Of every pair: `starts` and `ends`
+    (n_pair, 2), `irregularities` (n_pair, 2, n). `drives` (n_grid, n_state) serve all; `results` (n_item, LANES, 6).
     """
     grid, states = drives.shape[0], drives.shape[1]
     pairs, irregular = states // 2, irregularities.shape[2]
     decays, turns, table, gain_rows = decay.ravel(), turn.ravel(), drives.ravel(), gains.ravel()
-    surface, smooth_rows = irregularities.ravel(), smooth.ravel()
+    surface, smooth_rows, all_dts = irregularities.ravel(), smooth.ravel(), dts.ravel()
     smooth_high, smooth_low = np.empty(SPEEDS), np.empty(SPEEDS)
-    for lane in range(SPEEDS):
-        smooth_high[lane], smooth_low[lane] = _range(smooth[:, lane])
     rail, found = np.empty(states * LANES), np.empty(9 * LANES)
     looks, rolling = np.empty(LANES, np.int64), np.empty(LANES, np.bool_)
     zero, one, two, three = splat(0.0), splat(1.0), splat(2.0), splat(3.0)
     one_single, two_single, three_single = single(one), single(two), single(three)
     half, third, tiny = splat(0.5), splat(1.0 / 3.0), single(splat(1e-30))
     load_n, hertz = splat(physics[1]), splat(physics[2])
-    dt = load(dts, 0)
-    kick = dt / splat(physics[0])
-    own = dt * kick * splat(1.0 / 6.0)
-    for i in range(starts.shape[0]):
-        begin = beginnings[i].ravel()
+    for item in range(items.shape[0]):
+        company, i = items[item, 0], items[item, 1]
+        real_row, imag_row, grid_row = 2 * pairs * company, (2 * company + 1) * pairs, grid * company
+        dt = load(all_dts, company)
+        kick = dt / splat(physics[0])
+        own = dt * kick * splat(1.0 / 6.0)
+        for lane in range(SPEEDS):
+            smooth_high[lane], smooth_low[lane] = _range(smooth[company, :, lane])
+        begin = beginnings[item].ravel()
         _copy(begin[: states * LANES], rail)
         wheel, velocity, force = load(begin, states), load(begin, states + 1), load(begin, states + 2)
         before, top, top_before, top_after, least = force, force, force, force, force
         place, apart, bend, echo = zero, zero, zero, zero
         for lane in range(LANES):
-            looks[lane] = ends[i, lane // SPEEDS] + windows[lane]
+            looks[lane] = ends[i, lane // SPEEDS] + windows[company, lane]
             rolling[lane] = True
         left = LANES
         j, k = starts[i, 0] % grid, starts[i, 1] % grid
@@ -240,8 +260,8 @@ def peaks_in_lanes(
                 over = spread_two(surface, 2 * i * irregular + n, (2 * i + 1) * irregular + n)
             for p in range(pairs):
                 re, im = load(rail, 2 * p), load(rail, 2 * p + 1)
-                decay_re, decay_im = load(decays, p), load(decays, pairs + p)
-                turn_re, turn_im = load(turns, p), load(turns, pairs + p)
+                decay_re, decay_im = load(decays, real_row + p), load(decays, imag_row + p)
+                turn_re, turn_im = load(turns, real_row + p), load(turns, imag_row + p)
                 here_re = spread_two(table, j * states + 2 * p, k * states + 2 * p)
                 here_im = spread_two(table, j * states + 2 * p + 1, k * states + 2 * p + 1)
                 there_re = spread_two(table, j_ahead * states + 2 * p, k_ahead * states + 2 * p)
@@ -259,7 +279,7 @@ def peaks_in_lanes(
             gap = where_greater(gap, zero, gap, zero)
             # As `contact_force`; the first guess and its improvement in single precision, the last two steps with the
             # slope that is known by then.
-            stiff = (load_two(gain_rows, j_ahead, k_ahead) + own) * hertz
+            stiff = (load_two(gain_rows, grid_row + j_ahead, grid_row + k_ahead) + own) * hertz
             gap_single, stiff_single = single(gap), single(stiff)
             guess = square_root(gap_single / multiply_add(stiff_single, square_root(gap_single), one_single)) + tiny
             for _ in range(3):
@@ -280,7 +300,7 @@ def peaks_in_lanes(
             apart = apart + where_greater(gap, zero, zero, one)
             turned = magnitude(before - two * force + after)
             bend = where_greater(turned, bend, turned, bend)
-            heard = magnitude(after - load_two(smooth_rows, j_ahead, k_ahead))
+            heard = magnitude(after - load_two(smooth_rows, grid_row + j_ahead, grid_row + k_ahead))
             echo = where_greater(heard, echo, heard, echo)
             before, force = force, after
             j, k = j_ahead, k_ahead
@@ -304,17 +324,17 @@ def peaks_in_lanes(
                 faded = _faded(
                     heard_there, highest, lowest, smooth_high[speed], smooth_low[speed], negligible, n >= end + grid
                 )
-                if faded or n >= end + run_outs[lane]:
+                if faded or n >= end + run_outs[company, lane]:
                     rolling[lane] = False
                     left -= 1
                     peak, offset = _vertex(found[lane], highest, found[2 * LANES + lane])
-                    results[i, lane, 0], results[i, lane, 1] = peak, found[3 * LANES + lane] + offset
-                    results[i, lane, 2], results[i, lane, 3] = lowest, found[4 * LANES + lane]
-                    results[i, lane, 4], results[i, lane, 5] = found[5 * LANES + lane], n
+                    results[item, lane, 0], results[item, lane, 1] = peak, found[3 * LANES + lane] + offset
+                    results[item, lane, 2], results[item, lane, 3] = lowest, found[4 * LANES + lane]
+                    results[item, lane, 4], results[item, lane, 5] = found[5 * LANES + lane], n
                     if not np.isfinite(found[8 * LANES + lane]):
-                        results[i, lane, 0] = np.nan
+                        results[item, lane, 0] = np.nan
                 else:
-                    looks[lane] = n + windows[lane]
+                    looks[lane] = n + windows[company, lane]
                     found[7 * LANES + lane] = 0.0
                     renewed = True
             if renewed:

@@ -4,17 +4,21 @@ Where states come in pairs of common poles, sixteen speeds at two positions adva
 dense transitions, and code that is not compiled, roll one passage after the other.
 """
 
+from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
+from typing import Any, Protocol
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from weld_force_ros.core import _kernel
 from weld_force_ros.core._vector import LANES, SPEEDS
-from weld_force_ros.core.rolling import Roller
+from weld_force_ros.core.rolling import Roller, Rolling
 from weld_force_ros.core.track import Real
-from weld_force_ros.core.weld import Trajectory
+from weld_force_ros.core.weld import RESAMPLED_STEP_M, Trajectory
 
 ECHO_S = 0.0125
 RUN_OUT_S = 0.3
@@ -22,8 +26,8 @@ NEGLIGIBLE = 2e-4  # of the static load: an echo that is not waited for
 # Lanes exist in compiled code only.
 SIDE_BY_SIDE = not numba.config.DISABLE_JIT
 
-Columns = NDArray[np.intp]
 Steps = NDArray[np.int64]
+Asked = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -47,79 +51,144 @@ def approaches(roller: Roller, trajectory: Trajectory, positions_m: Real, stride
     starts = np.array([roller.start(position + first_m) for position in positions_m])
     step_m = stride * roller.grid_m
     ends = np.ceil((positions_m + last_m - starts * roller.grid_m) / step_m).astype(np.int64)
-    along = starts[:, None] + stride * np.arange(ends.max() + 1)
-    return Approaches(starts, ends, -trajectory.at(along * roller.grid_m - positions_m[:, None]))
+    heights = np.empty((len(positions_m), int(ends.max()) + 1))
+    _kernel.sampled(
+        trajectory.spline.c, RESAMPLED_STEP_M, trajectory.start_m, starts * roller.grid_m - positions_m, step_m, heights
+    )
+    return Approaches(starts, ends, -heights)
 
 
-class Batch:
-    """Up to `SPEEDS` speeds of one stride."""
+class Batch(Protocol):
+    """Speeds of one stride."""
 
-    def __init__(self, roller: Roller, speeds_kmh: Real, stride: int) -> None:
-        """Make the tables.
+    def peaks(self, weld: Approaches, asked: Asked, pool: Executor, threads: int) -> Real:
+        """Passages that are asked for.
 
-        Raises:
-            NumericalError: the force on smooth rail does not settle at a speed.
-        """
-        self._roller, self.stride, self.count = roller, stride, len(speeds_kmh)
-        self._negligible_n = NEGLIGIBLE * roller.wheel.static_load_n
-        rollings = [roller.rolling(float(speed), stride) for speed in speeds_kmh]
-        windows = [roller.steps(stride, ECHO_S * speed / 3.6) for speed in speeds_kmh]
-        run_outs = [roller.steps(stride, max(roller.model.spacing_m, RUN_OUT_S * speed / 3.6)) for speed in speeds_kmh]
-        self._side_by_side = SIDE_BY_SIDE and len(rollings[0].step.transitions) == 0
-        if self._side_by_side:
-            self._drives = rollings[0].step.drives
-            self._decay = _lanes([r.step.decay for r in rollings])
-            self._turn = _lanes([r.step.turn for r in rollings])
-            self._dts = _lanes([np.array(r.dt_s) for r in rollings])
-            self._windows, self._run_outs = (_lanes([np.array(n) for n in steps]) for steps in (windows, run_outs))
-            self._smooth = _filled([r.smooth_n for r in rollings])
-            self._gains = _filled([r.step.gains for r in rollings])
-            self._states = _filled([r.states for r in rollings])
-        else:
-            self._alone = list(zip(rollings, windows, run_outs, strict=True))
-
-    def peaks(self, weld: Approaches, columns: Columns) -> Real:
-        """Every speed at some of the positions.
+        Args:
+            weld: what is rolled over.
+            asked: (n_speed, n_position).
+            pool: where to compute.
+            threads: in how many parts.
 
         Returns:
-            (n_speed, n_column, 6): peak force, its place in steps from the start, least force, time without contact,
-            largest second difference of the force, steps rolled. NaN where a passage did not stay finite.
+            (n_speed, n_position, 6), valid where asked for: peak force, its place in steps from the start, least force,
+            time without contact, largest second difference of the force, steps rolled. The peak is NaN where a passage
+            did not stay finite.
         """
-        return (self._peaks_in_lanes if self._side_by_side else self._peaks_alone)(weld, columns)
 
-    def _peaks_in_lanes(self, weld: Approaches, columns: Columns) -> Real:
-        pairs = np.concatenate([columns, columns[len(columns) - len(columns) % 2 :]]).reshape(-1, 2)
+
+def make_batch(roller: Roller, speeds_kmh: Real, stride: int, pool: Executor) -> Batch:
+    """Tables for some speeds.
+
+    Raises:
+        NumericalError: the force on smooth rail does not settle at a speed.
+    """
+
+    def paced(speed_kmh: float) -> _Paced:
+        window = roller.steps(stride, ECHO_S * speed_kmh / 3.6)
+        run_out = roller.steps(stride, max(roller.model.spacing_m, RUN_OUT_S * speed_kmh / 3.6))
+        return _Paced(roller.rolling(speed_kmh, stride), window, run_out)
+
+    speeds = list(pool.map(paced, speeds_kmh.tolist()))
+    dense = len(speeds[0].rolling.step.transitions) > 0
+    return _SideBySide(roller, speeds) if SIDE_BY_SIDE and not dense else _OneByOne(roller, speeds)
+
+
+@dataclass(frozen=True)
+class _Paced:
+    """A speed, with the window in which an echo is listened for and the longest run-out, in steps."""
+
+    rolling: Rolling
+    window: int
+    run_out: int
+
+
+class _SideBySide:
+    """Companies of `SPEEDS` speeds, their tables interleaved lane by lane; each rolls at two positions at a time."""
+
+    def __init__(self, roller: Roller, speeds: list[_Paced]) -> None:
+        self._roller, self._stride = roller, speeds[0].rolling.stride
+        self._drives = speeds[0].rolling.step.drives
+        steps = [speed.rolling.step for speed in speeds]
+        self._decay, self._turn = _lanes([step.decay for step in steps]), _lanes([step.turn for step in steps])
+        self._dts = _lanes([speed.rolling.dt_s for speed in speeds])
+        self._windows = _lanes([speed.window for speed in speeds])
+        self._run_outs = _lanes([speed.run_out for speed in speeds])
+        self._gains = _companies([step.gains for step in steps])
+        self._smooth = _companies([speed.rolling.smooth_n for speed in speeds])
+        self._states = _companies([speed.rolling.states for speed in speeds])
+
+    def peaks(self, weld: Approaches, asked: Asked, pool: Executor, threads: int) -> Real:
+        """See `Batch`."""
+        speeds, positions = asked.shape
+        companies, pairs = len(self._states), -(-positions // 2)
+        padded = np.pad(asked, ((0, companies * SPEEDS - speeds), (0, 2 * pairs - positions)))
+        # A company rolls at a pair of positions if any of its passages is asked for.
+        items = np.argwhere(padded.reshape(companies, SPEEDS, pairs, 2).any(axis=(1, 3)))
+        shares = [items[part::threads] for part in range(min(threads, len(items)))]
+        found = np.empty((companies, pairs, 2, SPEEDS, 6))
+        for share, results in zip(shares, pool.map(partial(self._roll, weld), shares), strict=True):
+            found[share[:, 0], share[:, 1]] = results
+        by_speed = found.transpose(0, 3, 1, 2, 4).reshape(companies * SPEEDS, 2 * pairs, 6)
+        return by_speed[:speeds, :positions]
+
+    def _roll(self, weld: Approaches, items: NDArray[np.intp]) -> Real:
+        """(n_item, 2, SPEEDS, 6)."""
+        places = np.arange(len(weld.starts) + len(weld.starts) % 2)
+        pairs = np.minimum(places, len(weld.starts) - 1).reshape(-1, 2)
         starts = weld.starts[pairs]
-        at = starts // self._roller.longest_stride % len(self._states)
-        # (n_pair, 2, n_state + 3, SPEEDS), then a lane for each of the two positions and each speed
-        beginnings = self._states[at].transpose(0, 2, 1, 3).reshape(len(pairs), -1, LANES)
-        found = np.empty((len(pairs), 2, SPEEDS, 6))
+        at = starts // self._roller.longest_stride % self._states.shape[1]
+        # (n_item, 2, n_state + 3, SPEEDS), then a lane for each of the two positions and each speed
+        states = self._states[items[:, :1], at[items[:, 1]]]
+        results = np.empty((len(items), LANES, 6))
         _kernel.peaks_in_lanes(
-            beginnings, self._decay, self._turn, self._drives, self._gains, starts // self.stride, weld.ends[pairs],
-            self._windows, self._run_outs, self._smooth, self._negligible_n, weld.irregularity_m[pairs],
-            self._roller.physics, self._dts, found.reshape(len(pairs), LANES, 6),
+            items, states.transpose(0, 2, 1, 3).reshape(len(items), -1, LANES), self._decay, self._turn, self._drives,
+            self._gains, starts // self._stride, weld.ends[pairs], self._windows, self._run_outs, self._smooth,
+            _negligible_n(self._roller), weld.irregularity_m[pairs], self._roller.physics, self._dts, results,
         )  # fmt: skip
-        return found.reshape(-1, SPEEDS, 6)[: len(columns), : self.count].transpose(1, 0, 2)
+        return results.reshape(-1, 2, SPEEDS, 6)
 
-    def _peaks_alone(self, weld: Approaches, columns: Columns) -> Real:
-        starts = weld.starts[columns]
-        results = np.empty((self.count, len(columns), 6))
-        for (rolling, window, run_out), result in zip(self._alone, results, strict=True):
-            step = rolling.step
-            beginnings = np.stack([self._roller.beginning(rolling, start) for start in starts])
-            _kernel.peaks_at_speed(
-                beginnings, step.decay, step.transitions, step.drives, step.shapes, step.gains, starts // self.stride,
-                weld.ends[columns], window, run_out, rolling.smooth_n, self._negligible_n,
-                weld.irregularity_m[columns], self._roller.physics, rolling.dt_s, result,
-            )  # fmt: skip
+
+class _OneByOne:
+    """Any states, passage after passage."""
+
+    def __init__(self, roller: Roller, speeds: list[_Paced]) -> None:
+        self._roller, self._speeds = roller, speeds
+
+    def peaks(self, weld: Approaches, asked: Asked, pool: Executor, threads: int) -> Real:
+        """See `Batch`."""
+        found = np.empty((*asked.shape, 6))
+        rows = np.flatnonzero(asked.any(axis=1))
+        columns = [np.flatnonzero(asked[row]) for row in rows]
+        rolled = pool.map(partial(self._roll, weld), rows, columns)
+        for row, own, results in zip(rows, columns, rolled, strict=True):
+            found[row, own] = results
+        return found
+
+    def _roll(self, weld: Approaches, row: int, columns: NDArray[np.intp]) -> Real:
+        speed, starts = self._speeds[row], weld.starts[columns]
+        rolling, step = speed.rolling, speed.rolling.step
+        results = np.empty((len(columns), 6))
+        _kernel.peaks_at_speed(
+            np.stack([self._roller.beginning(rolling, start) for start in starts]), step.decay, step.transitions,
+            step.drives, step.shapes, step.gains, starts // rolling.stride, weld.ends[columns], speed.window,
+            speed.run_out, rolling.smooth_n, _negligible_n(self._roller), weld.irregularity_m[columns],
+            self._roller.physics, rolling.dt_s, results,
+        )  # fmt: skip
         return results
 
 
-def _filled(arrays: list[Real]) -> Real:
-    """Speeds along a last axis of `SPEEDS`; the last one fills what is left."""
-    return np.stack(arrays + arrays[-1:] * (SPEEDS - len(arrays)), axis=-1)
+def _negligible_n(roller: Roller) -> float:
+    return NEGLIGIBLE * roller.wheel.static_load_n
 
 
-def _lanes(arrays: list[Real]) -> Real:
-    """Each speed twice, once for either position of a pair, along a last axis of `LANES`."""
-    return np.tile(_filled(arrays), 2)
+def _companies(arrays: Sequence[ArrayLike]) -> NDArray[Any]:
+    """(n_company, ..., SPEEDS): speeds along a last axis; the last one fills what is left."""
+    filled = [np.asarray(array) for array in arrays] + [np.asarray(arrays[-1])] * (-len(arrays) % SPEEDS)
+    return np.stack([np.stack(filled[k : k + SPEEDS], axis=-1) for k in range(0, len(filled), SPEEDS)])
+
+
+def _lanes(arrays: Sequence[ArrayLike]) -> NDArray[Any]:
+    """(n_company, ..., LANES): each speed twice, once for either position of a pair."""
+    companies = _companies(arrays)
+    return np.concatenate([companies, companies], axis=-1)

@@ -1,7 +1,9 @@
 """Passages of a wheel over a weld on a fitted track, checked: their peaks over speed and position, or one in full."""
 
 import os
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,7 +57,8 @@ class Rig:
         self.model = model
         self.wheel = wheel
         self.roller = Roller(model, wheel)
-        self._surfaces = SurfaceRoller(self.roller, threads or os.cpu_count() or 1)
+        self._threads = threads or os.cpu_count() or 1
+        self._surfaces = SurfaceRoller(self.roller)
 
     def surface(
         self,
@@ -63,7 +66,7 @@ class Rig:
         speeds_kmh: ArrayLike,
         positions_m: ArrayLike,
         *,
-        on_speed: Callable[[], None] | None = None,
+        on_speed: Callable[[], None] = lambda: None,
     ) -> Surface:
         """Peak force, its place, least force and contact loss of every passage.
 
@@ -78,7 +81,31 @@ class Rig:
             NumericalError: the passage did not stay finite.
         """
         speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
-        return self._surfaces.roll(trajectory, speeds, positions, on_speed)
+        return self._surfaces.roll(trajectory, speeds, positions, self._threads, on_speed)
+
+    def surfaces(
+        self, trajectories: Iterable[Trajectory], speeds_kmh: ArrayLike, positions_m: ArrayLike
+    ) -> Iterator[Surface]:
+        """`surface` of many welds, in their order, a thread each: no more are held than there are threads, twice.
+
+        Args:
+            trajectories: taken as they are needed.
+            speeds_kmh: (n_speed,), positive.
+            positions_m: (n_position,), the weld's centre after the sleeper.
+
+        Raises:
+            InputError: a speed that is not positive, or anything that is not finite.
+            NumericalError: a passage did not stay finite.
+        """
+        speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
+        with ThreadPoolExecutor(self._threads) as pool:
+            waiting: deque[Future[Surface]] = deque()
+            for trajectory in trajectories:
+                waiting.append(pool.submit(self._surfaces.roll, trajectory, speeds, positions, 1))
+                if len(waiting) > 2 * self._threads:
+                    yield waiting.popleft().result()
+            for rolled in waiting:
+                yield rolled.result()
 
     def history(self, trajectory: Trajectory, speed_kmh: float, position_m: float, *, until_m: float = 0.0) -> History:
         """One passage in the shortest steps, from a span before the weld to a span after it, or to `until_m` if later.

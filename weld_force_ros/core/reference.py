@@ -96,7 +96,7 @@ class GreenRig:
         speeds_kmh: ArrayLike,
         positions_m: ArrayLike,
         *,
-        on_speed: Callable[[], None] | None = None,
+        on_speed: Callable[[], None] = lambda: None,
     ) -> Surface:
         """As `Rig.surface`."""
         return self.surfaces([trajectory], speeds_kmh, positions_m, on_speed=on_speed)[0]
@@ -107,7 +107,7 @@ class GreenRig:
         speeds_kmh: ArrayLike,
         positions_m: ArrayLike,
         *,
-        on_speed: Callable[[], None] | None = None,
+        on_speed: Callable[[], None] = lambda: None,
     ) -> list[Surface]:
         """Surfaces of several welds, which share the responses of each speed; arguments and errors as `Rig.surface`."""
         speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
@@ -123,8 +123,7 @@ class GreenRig:
                     results[weld, row, column] = self._peak(responses, trajectories[weld], speed, positions[column])
 
                 list(pool.map(peak, np.ndindex(len(trajectories), len(positions))))
-                if on_speed:
-                    on_speed()
+                on_speed()
         if not np.all(np.isfinite(results)):
             raise NumericalError("a passage did not stay finite; the reference cannot follow this track")
         return [Surface(*np.moveaxis(weld, 2, 0)) for weld in results]
