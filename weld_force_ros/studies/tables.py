@@ -1,6 +1,7 @@
 """Tables of a study: written as CSV, shown on a terminal."""
 
 import csv
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,7 +35,7 @@ class Table:
 
     title: str
     columns: tuple[Column, ...]
-    rows: list[tuple[Cell, ...]]
+    rows: Sequence[tuple[Cell, ...]]
 
     def write_csv(self, path: Path) -> None:
         """Write the table under its columns' names, to eight digits.

@@ -1,0 +1,32 @@
+"""How studies' figures look: readable on a phone and in print, told apart by the colour-blind."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from weld_force_ros.core.track import Real
+from weld_force_ros.report import BLUE, GREEN, GREY, ORANGE, RED
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLOURS = (BLUE, RED, GREEN, ORANGE, "#CC79A7", "#56B4E9", "#000000")
+MAP = "viridis"
+
+
+def mark_sleepers(axes: "Axes", span_m: float, until_m: float, from_m: float = 0.0) -> None:
+    """Dashed lines at the sleepers, on an axis of cm."""
+    for sleeper in np.arange(np.ceil(from_m / span_m), until_m / span_m + 1e-9):
+        axes.axvline(sleeper * span_m * 100, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
+
+
+def draw_map(axes: "Axes", positions_m: Real, speeds_kmh: Real, values: Real, span_m: float, **options: Any) -> Any:
+    """Heat map of values (n_speed, n_position) over weld position (cm) and speed, the span closed, sleepers marked."""
+    closed = np.append(positions_m, positions_m[0] + span_m)
+    image = axes.pcolormesh(
+        closed * 100, speeds_kmh, np.column_stack([values, values[:, 0]]), shading="gouraud", cmap=MAP, **options
+    )
+    for sleeper in (0.0, span_m):
+        axes.axvline(sleeper * 100, color="white", linewidth=1.2, linestyle="--")
+    axes.set(xlabel="weld's centre after the sleeper, cm", ylabel="speed, km/h")
+    return image
