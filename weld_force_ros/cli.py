@@ -5,20 +5,19 @@ Exit codes: 0 done, 1 a verdict or comparison failed, 2 bad input or usage (one 
 """
 
 import atexit
-import contextlib
 import gc
 import os
 import sys
-from collections.abc import Iterator
 from dataclasses import asdict
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Annotated, Any, cast, get_args
+from typing import TYPE_CHECKING, Annotated, Any, cast, get_args
 
 import msgspec
 import typer
 
+from weld_force_ros import cli_study, json_lines
 from weld_force_ros.errors import InputError, WeldForceError
 
 if TYPE_CHECKING:
@@ -38,8 +37,7 @@ app = typer.Typer(
 )
 bag_app = typer.Typer(help="Look into, repair and export recordings.", rich_markup_mode=None)
 app.add_typer(bag_app, name="bag")
-study_app = typer.Typer(help="Investigate this software itself; tables and figures in a folder.", rich_markup_mode=None)
-app.add_typer(study_app, name="study")
+app.add_typer(cli_study.app, name="study")
 
 Track = Annotated[str, typer.Option(help="A shipped track or the path of a track file (YAML).")]
 EngineName = Annotated[str, typer.Option(help="How the track is represented in time.")]
@@ -206,7 +204,7 @@ def simulate(
     form = PlainForm(x_unit=x_unit, z_unit=z_unit, z_positive=z_positive, spacing=spacing, skip_rows=skip_rows)
     simulator = _simulator(settings)
     maps, unusable = [], 0
-    with _lines(json) as out, terminal.progress() as bar:
+    with json_lines.lines(json) as out, terminal.progress() as bar:
         for number, name in enumerate(profiles, start=1):
             try:
                 profile = read_profile(find(name), form if any(s is not None for s in stated) else None)
@@ -219,7 +217,7 @@ def simulate(
                 unusable += 1
                 continue
             bar.remove_task(task)
-            _write(out, force_map)
+            json_lines.write(out, force_map)
             maps.append(force_map)
             if plot:
                 from weld_force_ros import report
@@ -258,8 +256,8 @@ def receptance(
         )
     else:
         raise InputError(f"engine {engine!r} has no receptance of its own", "use exact, common-poles or rfp")
-    with _lines(json) as out:
-        _write(
+    with json_lines.lines(json) as out:
+        json_lines.write(
             out,
             {
                 "track": definition.track.name,
@@ -319,8 +317,8 @@ def fit(
             bar.add_task(f"fitting {definition.track.name}", total=None)
             made = fits.make_poles(definition)
     fits.keep(made)
-    with _lines(json) as target:
-        _write(target, made)
+    with json_lines.lines(json) as target:
+        json_lines.write(target, made)
     _show_fit(made)
     if out:
         from weld_force_ros import report
@@ -377,14 +375,14 @@ def replay(
     if recording.damage:
         terminal.say(f"{bag}: {recording.damage}; replaying what is there")
     results = []
-    with _lines(json) as out, terminal.progress() as bar:
+    with json_lines.lines(json) as out, terminal.progress() as bar:
         task = bar.add_task("replaying", total=len(recording.force_maps))
         for result in replayed(recording, on_result=lambda: bar.advance(task)):
             results.append(result)
             if verify:
-                _write(out, _comparison(result))
+                json_lines.write(out, _comparison(result))
             elif isinstance(result.computed, Verdict):
-                _write(out, result.computed)
+                json_lines.write(out, result.computed)
     if not verify:
         terminal.show_verdicts([r.computed for r in results if isinstance(r.computed, Verdict)], recording.rejections)
         return
@@ -420,7 +418,7 @@ def schema(
         if write is None:
             sys.stdout.write(msgspec.json.encode(json_schema(kind)).decode() + "\n")
         else:
-            with _writing(write / f"{kind.__name__}.json") as file:
+            with json_lines.writing(write / f"{kind.__name__}.json") as file:
                 file.write(text.decode())
 
 
@@ -436,8 +434,8 @@ def bench(
 
     with terminal.console.status("measuring") as status:
         found = benchmark.run(repetitions=repetitions, quick=quick, on_step=status.update)
-    with _lines(json) as out:
-        _write(out, found)
+    with json_lines.lines(json) as out:
+        json_lines.write(out, found)
     terminal.table(
         "Benchmark",
         [("what", ""), ("median", "right"), ("least to most", "right")],
@@ -449,37 +447,6 @@ def bench(
     )
 
 
-@study_app.callback()
-def study() -> None:
-    """Investigate this software itself; tables and figures in a folder."""
-
-
-@study_app.command("engines")
-def study_engines(
-    out: Annotated[Path, typer.Option(help="Folder for tables, figures, and what a second run need not compute.")],
-    quick: Annotated[bool, typer.Option("--quick", help="A small grid, to see whether it works.")] = False,
-    json: Json = None,
-) -> None:
-    """Compare the fitted engines with the reference over shapes, speeds, positions and tracks (some minutes)."""
-    from weld_force_ros import terminal
-    from weld_force_ros.studies import engines, engines_figures
-
-    with terminal.progress() as bar:
-        found = engines.run(
-            out,
-            quick=quick,
-            stage=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
-            on_fit=terminal.say,
-        )
-    with _lines(json) as lines:
-        for outcome in found.outcomes:
-            _write(lines, outcome)
-    for name in ("errors-by-shape", "orders", "outcomes"):
-        terminal.show_table(found.tables[name])
-    pictures = engines_figures.write(found, out)
-    terminal.say(f"{out}: {len(found.tables)} tables (CSV), engines.json, {len(pictures)} figures (PNG, SVG)")
-
-
 @bag_app.command("info")
 def bag_info(bag: BagPath, json: Json = None) -> None:
     """What a recording holds and what state it is in."""
@@ -487,8 +454,8 @@ def bag_info(bag: BagPath, json: Json = None) -> None:
     from weld_force_ros.bag import summary
 
     found = summary(bag)
-    with _lines(json) as out:
-        _write(out, asdict(found))
+    with json_lines.lines(json) as out:
+        json_lines.write(out, asdict(found))
     terminal.table(
         f"{found.path}: {found.message_count} messages, {found.duration_s:.1f} s, {found.size_bytes / 1e3:.0f} kB",
         [("topic", ""), ("type", ""), ("messages", "right")],
@@ -575,35 +542,6 @@ def _degrees(value: complex) -> float:
     import math
 
     return math.degrees(cmath.phase(value))
-
-
-@contextlib.contextmanager
-def _lines(target: str | None) -> Iterator[IO[str] | None]:
-    """Where JSON lines go: standard output for `-`, a file, or nowhere."""
-    if target is None:
-        yield None
-    elif target == "-":
-        yield sys.stdout
-        sys.stdout.flush()
-    else:
-        with _writing(Path(target)) as file:
-            yield file
-
-
-@contextlib.contextmanager
-def _writing(path: Path) -> Iterator[IO[str]]:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w", encoding="utf-8") as file:
-            yield file
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}", "name a file in a writable folder") from None
-
-
-def _write(out: IO[str] | None, content: object) -> None:
-    if out is not None:
-        out.write(msgspec.json.encode(content).decode() + "\n")
-        out.flush()
 
 
 def _complain(error: Exception) -> None:

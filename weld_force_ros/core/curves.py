@@ -7,7 +7,7 @@ angle (section 6.1) is a speed at which another peak of the history becomes the 
 """
 
 from dataclasses import dataclass
-from typing import Any
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -122,8 +122,8 @@ def curve_features(
 def sharp_angles(speeds_kmh: ArrayLike, peak_n: ArrayLike, peak_x_m: ArrayLike, *, step_m: float = 5e-3) -> list[float]:
     """Speeds in km/h at which another peak of the history becomes the largest.
 
-    The place of the maximum jumps there; the speed is where the lines through two speeds on either side cross. For
-    the same from separate peaks see `weld_force_ros.core.peaks.hand_overs`.
+    The place of the maximum jumps there, and the curve turns upward; the speed is where the lines through two speeds on
+    either side cross. For the same from separate peaks see `weld_force_ros.core.peaks.hand_overs`.
 
     Args:
         speeds_kmh: (n,), increasing, at least three.
@@ -140,7 +140,11 @@ def sharp_angles(speeds_kmh: ArrayLike, peak_n: ArrayLike, peak_x_m: ArrayLike, 
     # Departure of each step from the course before and after it; beyond the ends a peak rests.
     before = np.abs(drift - np.concatenate([[0.0], drift[:-1]])) * np.diff(speeds)
     after = np.abs(drift - np.concatenate([drift[1:], [0.0]])) * np.diff(speeds)
-    return [_crossing(speeds, force, int(k)) for k in np.flatnonzero(np.minimum(before, after) > step_m)]
+    ends = np.flatnonzero(np.minimum(before, after) > step_m) + 1
+    starts, stops = np.concatenate([[0], ends]), np.concatenate([ends, [len(speeds)]])
+    branches = [slice(a, b) for a, b in zip(starts.tolist(), stops.tolist(), strict=True)]
+    crossings = [_crossing(speeds[old], force[old], speeds[new], force[new]) for old, new in pairwise(branches)]
+    return [at_kmh for at_kmh in crossings if at_kmh is not None]
 
 
 def surface_features(
@@ -218,7 +222,7 @@ def _falls(force: Real, negligible_n: float) -> list[slice]:
 
 def _hollow(speeds: Real, force: Real, run: slice) -> Hollow:
     from_kmh, summit_n = vertex(speeds, force, run.start - 1)
-    lowest_kmh, lowest_n = _lowest(speeds, force, run)
+    lowest_kmh, lowest_n = vertex(speeds, force, run.start + int(np.argmin(force[run])))
     to_kmh = float(speeds[-1])
     if run.stop < len(speeds):
         back = slice(run.stop - 1, run.stop + 1)
@@ -226,25 +230,20 @@ def _hollow(speeds: Real, force: Real, run: slice) -> Hollow:
     return Hollow(from_kmh, lowest_kmh, to_kmh, summit_n - lowest_n)
 
 
-def _lowest(speeds: Real, force: Real, run: slice) -> tuple[float, float]:
-    lowest = run.start + int(np.argmin(force[run]))
-    return vertex(speeds, force, lowest)
+def _crossing(old_kmh: Real, old_n: Real, new_kmh: Real, new_n: Real) -> float | None:
+    """Where the line that ends one branch meets the line that begins the next, between the two; None if they cannot.
 
-
-def _crossing(speeds: Real, force: Real, last: int) -> float:
-    """Where the curve's course up to sample `last` meets that from the next one on, within the two."""
-    first = last + 1
-    before, after = slice(max(last - 1, 0), last + 1), slice(first, first + 2)
-    rise_before, rise_after = _rise(speeds[before], force[before]), _rise(speeds[after], force[after])
-    if rise_after == rise_before:
-        return float((speeds[last] + speeds[first]) / 2)
-    gap = force[last] - force[first] + rise_after * (speeds[first] - speeds[last])
-    crossing = speeds[last] + gap / (rise_after - rise_before)
-    return float(np.clip(crossing, speeds[last], speeds[first]))
-
-
-def _rise(speeds: Real, force: Real) -> Any:
-    return (force[-1] - force[0]) / (speeds[-1] - speeds[0]) if len(speeds) > 1 else 0.0
+    The larger of two forces turns upward where they cross. A branch of one speed has no line: half way, then.
+    """
+    last, first = float(old_kmh[-1]), float(new_kmh[0])
+    if len(old_kmh) == 1 or len(new_kmh) == 1:
+        return (last + first) / 2
+    old_rise = float((old_n[-1] - old_n[-2]) / (old_kmh[-1] - old_kmh[-2]))
+    new_rise = float((new_n[1] - new_n[0]) / (new_kmh[1] - new_kmh[0]))
+    if new_rise <= old_rise:
+        return None
+    lead = float(old_n[-1] - new_n[0]) + new_rise * (first - last)
+    return float(np.clip(last + lead / (new_rise - old_rise), last, first))
 
 
 def _mean_over(speeds: Real, force: Real) -> Real:

@@ -163,7 +163,7 @@ def p1_p2(time_s: ArrayLike, force_n: ArrayLike, arrival_s: float) -> ImpactForc
     p1_s, p1_n = vertex(time, force, int(early[first[0]]))
     low = sosfiltfilt(butter(4, BETWEEN_RESONANCES_HZ, fs=1 / np.mean(np.diff(time)), output="sos"), force)
     late = np.flatnonzero((time >= p1_s) & (time <= arrival_s + P2_WITHIN_S))
-    p2_s, p2_n = vertex(time, low, int(late[np.argmax(low[late])]))
+    p2_s, p2_n = vertex(time[late], low[late], int(np.argmax(low[late])))
     return ImpactForces(p1_n, p1_s, p2_n, p2_s)
 
 

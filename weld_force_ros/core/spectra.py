@@ -103,12 +103,13 @@ def spectral_peaks(spectrum: Spectrum, prominence: float = 0.05) -> list[Spectra
 
     Args:
         spectrum: of a force or an irregularity.
-        prominence: that a peak needs, relative to the largest amplitude.
+        prominence: that a peak needs, relative to the largest amplitude; a steady wave's side lobes reach a fifth.
     """
     frequency, amplitude = spectrum.frequency_hz, spectrum.amplitude
     speed = frequency[0] * spectrum.wavelength_m[0]
-    found = (vertex(frequency, amplitude, i) for i in _maxima(amplitude, prominence))
-    return [SpectralPeak(at_hz, float(speed / at_hz), height) for at_hz, height in found]
+    found = find_peaks(amplitude, prominence=prominence * amplitude.max())[0]
+    vertices = (vertex(frequency, amplitude, int(index)) for index in found)
+    return [SpectralPeak(at_hz, float(speed / at_hz), height) for at_hz, height in vertices]
 
 
 def wheelset_track_receptance(track: Track, wheel: Wheel, frequency_hz: ArrayLike, at_m: ArrayLike) -> Complex:
@@ -134,16 +135,16 @@ def force_per_irregularity(track: Track, wheel: Wheel, frequency_hz: ArrayLike, 
     return np.asarray(1 / (receptance(track, frequency_hz, at_m) + wheel.compliance(omega)))
 
 
-def resonances_hz(frequency_hz: ArrayLike, response: ArrayLike, prominence: float = 0.01) -> list[float]:
-    """Frequencies of the local maxima of a response's magnitude, refined by a parabola.
+def resonances_hz(frequency_hz: ArrayLike, response: ArrayLike, prominence_db: float = 0.01) -> list[float]:
+    """Frequencies of the local maxima of a response's level, refined by a parabola.
 
     Args:
         frequency_hz: (n,), increasing.
         response: (n,), complex.
-        prominence: that a peak needs, relative to the largest magnitude.
+        prominence_db: that a peak needs; well damped resonances on a slope stand out by little.
     """
-    frequency, magnitude = np.asarray(frequency_hz, dtype=np.float64), np.abs(np.asarray(response))
-    return [vertex(frequency, magnitude, index)[0] for index in _maxima(magnitude, prominence)]
+    frequency, level_db = np.asarray(frequency_hz, dtype=np.float64), 20 * np.log10(np.abs(np.asarray(response)))
+    return [vertex(frequency, level_db, int(i))[0] for i in find_peaks(level_db, prominence=prominence_db)[0]]
 
 
 def bands(x_m: ArrayLike, force_n: ArrayLike, speed_kmh: float, cut_hz: float = CUT_HZ) -> Bands:
@@ -197,11 +198,6 @@ def phase_at_peak(parts: Bands, within_m: tuple[float, float] = (-np.inf, np.inf
     near = np.abs(x - x[summit]) <= period_m / 2
     correlation = np.corrcoef(low[near], high[near])[0, 1]
     return Phase(float(x[summit]), float(correlation), float(high[summit]), float(high[largest]))
-
-
-def _maxima(heights: Real, prominence: float) -> list[int]:
-    found: list[int] = find_peaks(heights, prominence=prominence * heights.max())[0].tolist()
-    return found
 
 
 def _step_s(x_m: ArrayLike, values: Real, speed_kmh: float) -> float:

@@ -1,0 +1,268 @@
+"""Claims: every form of criterion judged by hand, the words a reader sees, and the shipped file."""
+
+import json
+import math
+from typing import get_args
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from weld_force_ros.errors import InputError
+from weld_force_ros.studies import claims
+from weld_force_ros.studies.claims import Claim, Condition, Geometry, Judged, Study
+
+SHIPPED = claims.load()
+WELL_FORMED = """
+- id: first-maximum
+  place: section 6
+  statement: The maximum lies at 53 km/h.
+  geometry: exact
+  study: length
+  criteria:
+    - {key: length.first_maximum_kmh, within: [51.4, 54.6]}
+  note: 3 %.
+"""
+
+
+def claim(*criteria: Condition, geometry: Geometry = "exact", if_not: str | None = None) -> Claim:
+    return Claim(
+        id="a-claim",
+        place="section 6",
+        statement="Something is so.",
+        geometry=geometry,
+        study="length",
+        criteria=list(criteria),
+        note="Because it is.",
+        if_not=if_not,
+    )
+
+
+def judged(subject: Claim, **measured: claims.Measured) -> Judged:
+    (verdict,) = claims.evaluate([subject], {f"length.{name}": value for name, value in measured.items()})
+    return verdict
+
+
+MAXIMUM = Condition(key="length.maximum_kmh", within=(51.4, 54.6))
+RATIO = Condition(key="length.ratio", above=0.5)
+SPREAD = Condition(key="length.spread", below=0.1)
+GROWS = Condition(key="length.grows", is_=True)
+STAYS = Condition(key="length.grows", is_=False)
+
+
+@pytest.mark.parametrize(
+    ("condition", "value", "verdict"),
+    [
+        (MAXIMUM, 51.4, "agrees"),
+        (MAXIMUM, 54.6, "agrees"),
+        (MAXIMUM, 54.61, "differs"),
+        (MAXIMUM, 51.39, "differs"),
+        (RATIO, 0.51, "agrees"),
+        (RATIO, 0.5, "differs"),
+        (SPREAD, 0.09, "agrees"),
+        (SPREAD, 0.1, "differs"),
+        (GROWS, True, "agrees"),
+        (GROWS, False, "differs"),
+        (STAYS, False, "agrees"),
+        (STAYS, True, "differs"),
+        (MAXIMUM, [52.0, 53.0], "agrees"),
+        (MAXIMUM, [52.0, 60.0], "partly"),
+        (MAXIMUM, [40.0, 60.0], "differs"),
+        (MAXIMUM, [52.0, math.nan], "partly"),
+        (MAXIMUM, [], "differs"),
+        (MAXIMUM, math.nan, "differs"),
+        (RATIO, math.nan, "differs"),
+        (SPREAD, math.nan, "differs"),
+        (RATIO, 3, "agrees"),
+        (RATIO, np.float64(0.6), "agrees"),
+        (GROWS, np.True_, "agrees"),
+        (RATIO, np.array([0.6, 0.4]), "partly"),
+    ],
+)
+def test_a_value_is_judged_by_its_criterion(condition, value, verdict):
+    quantity = condition.key.removeprefix("length.")
+    assert judged(claim(condition), **{quantity: value}).verdict == verdict
+
+
+def test_a_claim_agrees_partly_if_only_some_criteria_hold():
+    assert judged(claim(MAXIMUM, RATIO), maximum_kmh=53.0, ratio=1.0).verdict == "agrees"
+    assert judged(claim(MAXIMUM, RATIO), maximum_kmh=53.0, ratio=0.0).verdict == "partly"
+    assert judged(claim(MAXIMUM, RATIO), maximum_kmh=10.0, ratio=0.0).verdict == "differs"
+
+
+def test_a_quantity_that_was_not_measured_is_named_whatever_the_others_say():
+    verdict = judged(claim(MAXIMUM, RATIO), maximum_kmh=10.0)
+    assert verdict.verdict == "not evaluated"
+    assert verdict.why == "Not measured: length.ratio"
+    assert verdict.values == {"length.maximum_kmh": 10.0}
+
+
+def test_a_claim_without_criteria_cannot_be_tested_and_says_why():
+    verdict = judged(claim(geometry="none"))
+    assert (verdict.verdict, verdict.why) == ("not-testable", "Because it is.")
+
+
+@pytest.mark.parametrize(
+    ("condition", "value", "words"),
+    [
+        (MAXIMUM, 54.1, "54.1 km/h, asked: 51.4 to 54.6 km/h"),
+        (MAXIMUM, math.nan, "none, asked: 51.4 to 54.6 km/h"),
+        (MAXIMUM, [52.0, 60.0], "52, 60 km/h (1 of 2), asked: 51.4 to 54.6 km/h"),
+        (MAXIMUM, [52.0] * 6 + [60.0, math.nan], "52 to 60 km/h (6 of 8), asked: 51.4 to 54.6 km/h"),
+        (Condition(key="length.fall_n", above=0.0), 12345.6, "12346 N, asked: above 0 N"),
+        (Condition(key="length.peaks", within=(1.0, 1.0)), 2.0, "2, asked: 1"),
+        (SPREAD, 0.1234, "0.1234, asked: below 0.1"),
+        (GROWS, False, "no, asked: yes"),
+    ],
+)
+def test_what_was_measured_stands_beside_what_was_asked(condition, value, words):
+    quantity = condition.key.removeprefix("length.")
+    assert judged(claim(condition), **{quantity: value}).measured == words
+
+
+def test_each_of_several_quantities_is_named():
+    measured = judged(claim(MAXIMUM, GROWS), maximum_kmh=53.0, grows=False).measured
+    assert measured == "maximum 53 km/h, asked: 51.4 to 54.6 km/h; grows no, asked: yes"
+
+
+def test_a_difference_says_which_quantity_what_it_means_and_that_the_shape_is_assumed():
+    subject = claim(MAXIMUM, RATIO, geometry="assumed", if_not="It hangs on the fit.")
+    why = judged(subject, maximum_kmh=53.0, ratio=0.1).why
+    assert why == "Not as asked: ratio. It hangs on the fit. The shape is assumed, since the paper does not give it"
+    assert judged(subject, maximum_kmh=53.0, ratio=0.6).why == "As asked"
+
+
+@pytest.mark.parametrize(
+    ("condition", "value"), [(MAXIMUM, True), (MAXIMUM, "fast"), (MAXIMUM, [True]), (GROWS, 1.0), (GROWS, [True])]
+)
+def test_a_value_of_the_wrong_kind_is_refused_with_its_key(condition, value):
+    quantity = condition.key.removeprefix("length.")
+    with pytest.raises(InputError, match=condition.key):
+        judged(claim(condition), **{quantity: value})
+
+
+numbers = st.floats(allow_nan=True, allow_infinity=False, width=32)
+measurements = st.lists(numbers, min_size=1, max_size=4)
+
+
+@given(
+    st.lists(
+        st.one_of(
+            st.tuples(st.just("above"), numbers.filter(math.isfinite), measurements),
+            st.tuples(st.just("below"), numbers.filter(math.isfinite), measurements),
+        ),
+        min_size=1,
+        max_size=4,
+    )
+)
+def test_the_verdict_counts_what_holds(asked):
+    conditions = [Condition(key=f"length.q{i}", **{form: limit}) for i, (form, limit, _) in enumerate(asked)]
+    held = [
+        value > limit if form == "above" else value < limit for form, limit, measured in asked for value in measured
+    ]
+    verdict = judged(claim(*conditions), **{f"q{i}": measured for i, (_, _, measured) in enumerate(asked)}).verdict
+    assert (verdict == "agrees") == all(held)
+    assert (verdict == "differs") == (not any(held))
+    assert verdict in ("agrees", "partly", "differs")
+
+
+def test_the_file_holds_one_object_a_claim_in_json_that_any_reader_takes(tmp_path):
+    verdict = judged(claim(MAXIMUM, GROWS), maximum_kmh=[53.0, math.nan], grows=np.True_)
+    path = tmp_path / "claims.json"
+    claims.write([verdict], path)
+
+    def refuse(constant: str) -> None:
+        raise AssertionError(constant)
+
+    (entry,) = json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
+    assert (entry["id"], entry["claim"], entry["where"]) == ("a-claim", "Something is so.", "section 6")
+    assert (entry["geometry"], entry["result"]) == ("exact", "partly")
+    assert entry["values"] == {"length.maximum_kmh": [53.0, None], "length.grows": True}
+    assert entry["measured"] == verdict.measured
+    assert "maximum" in entry["why"]
+
+
+def test_a_place_that_cannot_be_written_is_refused(tmp_path):
+    with pytest.raises(InputError, match="absent"):
+        claims.write([], tmp_path / "absent" / "claims.json")
+
+
+def test_the_table_has_a_row_a_claim_and_the_summary_counts_them_by_geometry(tmp_path):
+    verdicts = claims.evaluate(
+        [claim(MAXIMUM), claim(RATIO), claim(RATIO, geometry="assumed"), claim(SPREAD), claim(geometry="none")],
+        {"length.maximum_kmh": 53.0, "length.ratio": 0.1},
+    )
+    table = claims.table(verdicts)
+    results = [column.name for column in table.columns].index("result")
+    assert [row[results] for row in table.rows] == ["agrees", "differs", "differs", "not evaluated", "not-testable"]
+    counted = claims.summary(verdicts)
+    assert counted.rows == [
+        ("exact", 1, 0, 1, 1, 0, 50.0),
+        ("assumed", 0, 0, 1, 0, 0, 0.0),
+        ("none", 0, 0, 0, 0, 1, None),
+        ("all", 1, 0, 2, 1, 1, pytest.approx(100 / 3)),
+    ]
+    counted.write_csv(tmp_path / "summary.csv")
+    assert (tmp_path / "summary.csv").read_text(encoding="utf-8").startswith("geometry,agrees,partly,differs,")
+
+
+def test_a_well_formed_file_is_read_as_it_stands():
+    (read,) = claims.parse(WELL_FORMED.encode(), "own.yaml")
+    assert read.criteria == [Condition(key="length.first_maximum_kmh", within=(51.4, 54.6))]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "names"),
+    [
+        ("place: section 6", "place: [", "own.yaml"),
+        ("  note: 3 %.\n", "", "note"),
+        ("note:", "remark:", "remark"),
+        ("exact", "guessed", "guessed"),
+        ("study: length", "study: width", "width"),
+        ("study: length", "study: hertz", "length.first_maximum_kmh"),
+        ("within: [51.4, 54.6]", "within: [54.6, 51.4]", "54.6"),
+        ("within: [51.4, 54.6]", "within: [51.4, .inf]", "inf"),
+        ("within: [51.4, 54.6]", "above: .nan", "nan"),
+        ("within: [51.4, 54.6]", "above: 1, below: 2", "exactly one"),
+        (", within: [51.4, 54.6]", "", "exactly one"),
+        ("within:", "outside:", "outside"),
+        ("\n    - {key: length.first_maximum_kmh, within: [51.4, 54.6]}", " []", "geometry"),
+        ("exact", "none", "geometry"),
+        ("id: first-maximum", "id: First Maximum", "id"),
+        (WELL_FORMED, WELL_FORMED + WELL_FORMED, "twice"),
+    ],
+)
+def test_a_malformed_file_is_refused_in_one_line_that_names_the_fault(old, new, names):
+    text = WELL_FORMED.replace(old, new)
+    assert text != WELL_FORMED
+    with pytest.raises(InputError, match=names) as refusal:
+        claims.parse(text.encode(), "own.yaml")
+    assert "own.yaml" in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_the_shipped_claims_cover_every_study_with_at_least_thirty_that_can_be_tested():
+    assert len([c for c in SHIPPED if c.criteria]) >= 30
+    assert {c.study for c in SHIPPED if c.criteria} == set(get_args(Study))
+    assert len({c.id for c in SHIPPED}) == len(SHIPPED)
+
+
+@pytest.mark.parametrize(
+    ("key", "stated_kmh", "tolerance"),
+    [
+        ("length.first_maximum_48mm_kmh", 53, 0.03),
+        ("length.first_maximum_96mm_kmh", 107, 0.03),
+        ("length.first_sharp_angle_48mm_kmh", 74, 0.04),
+        ("length.first_sharp_angle_96mm_kmh", 151, 0.04),
+        ("length.second_sharp_angle_48mm_kmh", 112, 0.05),
+        ("length.second_sharp_angle_96mm_kmh", 230, 0.05),
+    ],
+)
+def test_the_shipped_tolerances_are_those_set_for_the_length_study(key, stated_kmh, tolerance):
+    (condition,) = [c for subject in SHIPPED for c in subject.criteria if c.key == key]
+    assert condition.within == pytest.approx((stated_kmh * (1 - tolerance), stated_kmh * (1 + tolerance)))
+
+
+def test_nothing_measured_leaves_every_shipped_claim_open():
+    assert {verdict.verdict for verdict in claims.evaluate(SHIPPED, {})} == {"not evaluated", "not-testable"}

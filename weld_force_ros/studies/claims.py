@@ -1,0 +1,316 @@
+"""The paper's claims: what it says, what would count as agreement, and the verdict on what the studies measured.
+
+The claims stand in `data/claims.yaml`, their criteria decided from the paper's words before any study was run.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias, cast
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from weld_force_ros.errors import InputError
+from weld_force_ros.studies.tables import Column, Table
+from weld_force_ros.tracks import decode_yaml
+
+Measured: TypeAlias = float | bool | str | list[float]
+Geometry: TypeAlias = Literal["exact", "assumed", "none"]
+Study: TypeAlias = Literal[
+    "map", "curve", "motion", "smooth", "increment", "length", "hertz", "spectrum", "bands", "validation", "population"
+]  # fmt: skip
+Verdict: TypeAlias = Literal["agrees", "partly", "differs", "not evaluated", "not-testable"]
+
+GEOMETRIES: tuple[Geometry, ...] = ("exact", "assumed", "none")
+VERDICTS: tuple[Verdict, ...] = ("agrees", "partly", "differs", "not evaluated", "not-testable")
+
+_Text = Annotated[str, Meta(min_length=1, max_length=1000)]
+_Key = Annotated[str, Meta(pattern=r"^[a-z]+\.[a-z0-9_]+$")]
+_REMEDY = "write it after the package's data/claims.yaml"
+_UNITS = {"kmh": "km/h", "n": "N", "m": "m", "mm": "mm", "hz": "Hz", "s": "s"}
+_MOST_LISTED = 6
+
+
+class Condition(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=True):
+    """What one measured quantity must be: within two ends (included), above, below, or true or false.
+
+    Of a measured list each element must be so. NaN, for a quantity that does not exist, never is.
+    """
+
+    key: _Key
+    within: tuple[float, float] | None = None
+    above: float | None = None
+    below: float | None = None
+    is_: bool | None = msgspec.field(name="is", default=None)
+
+    def problem(self) -> str | None:
+        """Why this asks for nothing that can be checked; None if all is well."""
+        asked = [form for form in (self.within, self.above, self.below, self.is_) if form is not None]
+        if len(asked) != 1:
+            return f"{self.key} needs exactly one of within, above, below, is"
+        ends = self.within or (0.0, self.above or self.below or 0.0)
+        if not all(map(math.isfinite, ends)) or (self.within and ends[0] > ends[1]):
+            return f"{self.key} asks for a number in {list(ends)}"
+        return None
+
+    def holds(self, value: Measured) -> list[bool]:
+        """For each element of the value whether it is as asked; a quantity with no elements does not exist.
+
+        Raises:
+            InputError: a number where true or false is asked, or the other way round.
+        """
+        if self.is_ is not None:
+            return [self._flag(value) is self.is_]
+        return [self._met(number) for number in self._numbers(value)] or [False]
+
+    def asked(self) -> str:
+        """The condition in words, without the quantity."""
+        unit = _unit(self.key)
+        if self.within is not None:
+            low, high = self.within
+            return f"{low:g}{unit}" if low == high else f"{low:g} to {high:g}{unit}"
+        if self.above is not None:
+            return f"above {self.above:g}{unit}"
+        return f"below {self.below:g}{unit}" if self.below is not None else _yes_or_no(bool(self.is_))
+
+    def found(self, value: Measured) -> str:
+        """The value in words: `54.1 km/h`, `yes`, `13 of 15, 71 to 96 km/h`."""
+        if self.is_ is not None:
+            return _yes_or_no(self._flag(value))
+        numbers, unit = self._numbers(value), _unit(self.key)
+        if not isinstance(value, list):
+            return _number(numbers[0], unit)
+        held = sum(self.holds(value))
+        share = f"{held} of {max(len(numbers), 1)}"
+        if len(numbers) <= _MOST_LISTED:
+            return f"{', '.join(_number(number) for number in numbers) or 'none'}{unit} ({share})"
+        finite = [number for number in numbers if math.isfinite(number)]
+        return f"{_number(min(finite))} to {_number(max(finite), unit)} ({share})" if finite else f"none ({share})"
+
+    def _met(self, number: float) -> bool:
+        if self.within is not None:
+            return self.within[0] <= number <= self.within[1]
+        return number > self.above if self.above is not None else number < cast(float, self.below)
+
+    def _flag(self, value: Measured) -> bool:
+        if not isinstance(value, bool):
+            raise InputError(f"{self.key} is {value!r}", "the study must measure true or false here")
+        return value
+
+    def _numbers(self, value: Measured) -> list[float]:
+        numbers = value if isinstance(value, list) else [value]
+        if not all(isinstance(number, float) for number in numbers):
+            raise InputError(f"{self.key} is {value!r}", "the study must measure a number, or a list of them, here")
+        return cast(list[float], numbers)
+
+
+class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=True):
+    """A statement of the paper in our words; without criteria it cannot be tested.
+
+    `geometry` is `exact` if the paper gives all that the statement depends on, `assumed` if the weld's shape is
+    modelled after its words, `none` if it gives too little for any check.
+    """
+
+    id: Annotated[str, Meta(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$")]
+    place: _Text
+    statement: _Text
+    geometry: Geometry
+    study: Study
+    criteria: list[Condition]
+    note: _Text
+    if_not: _Text | None = None
+
+    def problem(self) -> str | None:
+        """What the types cannot say and is wrong here; None if all is well."""
+        if (self.geometry == "none") is not (not self.criteria):
+            return "a claim has criteria unless its geometry is none"
+        strange = [c.key for c in self.criteria if c.key.partition(".")[0] != self.study]
+        if strange:
+            return f"{strange[0]} is not measured by the study {self.study}"
+        return next(filter(None, (condition.problem() for condition in self.criteria)), None)
+
+
+class Judged(msgspec.Struct, kw_only=True, frozen=True):
+    """A claim with its verdict, one entry of `claims.json`. A value there is null where the quantity does not exist."""
+
+    id: str
+    statement: str = msgspec.field(name="claim")
+    place: str = msgspec.field(name="where")
+    study: Study
+    geometry: Geometry
+    criterion: str
+    note: str
+    measured: str
+    values: dict[str, float | bool | str | list[float | None] | None]
+    verdict: Verdict = msgspec.field(name="result")
+    why: str
+
+
+def load() -> list[Claim]:
+    """The claims that come with the package.
+
+    Raises:
+        InputError: the file is damaged.
+    """
+    path = resources.files("weld_force_ros") / "data" / "claims.yaml"
+    return parse(path.read_bytes(), "data/claims.yaml")
+
+
+def parse(data: bytes, source: str) -> list[Claim]:
+    """Claims from the bytes of their YAML file; `source` names it in errors.
+
+    Raises:
+        InputError: not YAML, a field unknown, missing or out of place, or an id given twice.
+    """
+    try:
+        claims = decode_yaml(data, list[Claim])
+    except (msgspec.DecodeError, ValueError) as error:
+        raise InputError(f"claims file {source}: {' '.join(str(error).split())}", _REMEDY) from None
+    seen: set[str] = set()
+    for claim in claims:
+        problem = f"the id {claim.id} is given twice" if claim.id in seen else claim.problem()
+        if problem:
+            raise InputError(f"claims file {source}, claim {claim.id}: {problem}", _REMEDY)
+        seen.add(claim.id)
+    return claims
+
+
+def evaluate(claims: Sequence[Claim], measured: Mapping[str, Measured]) -> list[Judged]:
+    """Judge each claim by what the studies measured, in the order of the claims.
+
+    A claim agrees if every element of every quantity is as asked, differs if none is, agrees partly otherwise. It is
+    not evaluated if a quantity was not measured.
+
+    Raises:
+        InputError: a quantity is of the wrong kind for its criterion.
+    """
+    return [_judge(claim, measured) for claim in claims]
+
+
+def write(judged: Sequence[Judged], path: Path) -> None:
+    """Write `claims.json`, one object a claim.
+
+    Raises:
+        InputError: the place cannot be written.
+    """
+    try:
+        path.write_bytes(msgspec.json.format(msgspec.json.encode(judged), indent=2) + b"\n")
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}", "name a writable folder") from None
+
+
+def table(judged: Sequence[Judged]) -> Table:
+    """Every claim with its verdict; the file has all columns, a terminal the short ones."""
+    columns = (
+        Column("id", "claim"),
+        Column("where", "in the paper"),
+        Column("statement"),
+        Column("geometry", "geometry"),
+        Column("result", "result"),
+        Column("measured", "measured"),
+        Column("why"),
+    )
+    rows = [(j.id, j.place, j.statement, j.geometry, j.verdict, j.measured, j.why) for j in judged]
+    return Table("What the paper says and what was measured", columns, list(rows))
+
+
+def summary(judged: Sequence[Judged]) -> Table:
+    """How many claims of each geometry got which verdict, and the share of those evaluated that agree."""
+    columns = (
+        Column("geometry", "geometry"),
+        *(Column(verdict.replace(" ", "_").replace("-", "_"), verdict) for verdict in VERDICTS),
+        Column("agree_percent", "agree %", 0),
+    )
+    rows = [(geometry, *_counts([j for j in judged if j.geometry == geometry])) for geometry in GEOMETRIES]
+    return Table("Claims by what the paper gives of the geometry", columns, [*rows, ("all", *_counts(judged))])
+
+
+def _counts(judged: Sequence[Judged]) -> tuple[float | None, ...]:
+    counts = [sum(j.verdict == verdict for j in judged) for verdict in VERDICTS]
+    evaluated = sum(counts[:3])
+    return (*counts, 100 * counts[0] / evaluated if evaluated else None)
+
+
+def _judge(claim: Claim, measured: Mapping[str, Measured]) -> Judged:
+    values = {c.key: _plain(measured[c.key]) for c in claim.criteria if c.key in measured}
+    known = [c for c in claim.criteria if c.key in values]
+    missing = [c.key for c in claim.criteria if c.key not in values]
+    holds = [held for condition in known for held in condition.holds(values[condition.key])]
+    if not claim.criteria:
+        verdict: Verdict = "not-testable"
+    elif missing:
+        verdict = "not evaluated"
+    else:
+        verdict = "agrees" if all(holds) else "partly" if any(holds) else "differs"
+    failed = [c for c in known if not all(c.holds(values[c.key]))]
+    return Judged(
+        id=claim.id,
+        statement=claim.statement,
+        place=claim.place,
+        study=claim.study,
+        geometry=claim.geometry,
+        criterion="; ".join(f"{_label(c, len(claim.criteria))}{c.asked()}" for c in claim.criteria),
+        note=claim.note,
+        measured="; ".join(
+            f"{_label(c, len(claim.criteria))}{c.found(values[c.key])}, asked: {c.asked()}" for c in known
+        ),
+        values={key: _jsonable(value) for key, value in values.items()},
+        verdict=verdict,
+        why=_why(claim, verdict, missing, failed),
+    )
+
+
+def _label(condition: Condition, count: int) -> str:
+    """The quantity's name before its value, where there are several."""
+    return f"{_quantity(condition.key)} " if count > 1 else ""
+
+
+def _why(claim: Claim, verdict: Verdict, missing: Sequence[str], failed: Sequence[Condition]) -> str:
+    if verdict == "not-testable":
+        return claim.note
+    if verdict == "not evaluated":
+        return f"Not measured: {', '.join(missing)}"
+    if verdict == "agrees":
+        return "As asked"
+    reasons = [f"Not as asked: {', '.join(_quantity(condition.key) for condition in failed)}", claim.if_not]
+    if claim.geometry == "assumed":
+        reasons.append("The shape is assumed, since the paper does not give it")
+    return ". ".join(reason.strip().rstrip(".") for reason in reasons if reason)
+
+
+def _plain(value: Measured) -> Measured:
+    """The value in Python's own types, whole numbers as floats."""
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, list | np.ndarray):
+        return [cast(float, _plain(element)) for element in value]
+    return value if isinstance(value, str) else float(value)
+
+
+def _jsonable(value: Measured) -> float | bool | str | list[float | None] | None:
+    if isinstance(value, list):
+        return [number if math.isfinite(number) else None for number in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _quantity(key: str) -> str:
+    """`length.first_maximum_48mm_kmh` -> `first maximum 48mm`."""
+    words = key.partition(".")[2].split("_")
+    return " ".join(words[:-1] if len(words) > 1 and words[-1] in _UNITS else words)
+
+
+def _unit(key: str) -> str:
+    return f" {_UNITS[last]}" if (last := key.rpartition("_")[2]) in _UNITS else ""
+
+
+def _number(value: float, unit: str = "") -> str:
+    if not math.isfinite(value):
+        return "none"
+    return f"{value:.0f}{unit}" if abs(value) >= 1000 else f"{value:.4g}{unit}"
+
+
+def _yes_or_no(flag: bool) -> str:
+    return "yes" if flag else "no"

@@ -1,0 +1,101 @@
+"""One page of all figures: self-contained HTML that needs no network, for a phone and for print (extra: report)."""
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from weld_force_ros.assess import SOFTWARE
+from weld_force_ros.errors import InputError
+from weld_force_ros.report import save
+from weld_force_ros.studies.laboratory import Investigation
+from weld_force_ros.studies.tables import Table
+
+
+@dataclass(frozen=True)
+class Shown:
+    """An investigation as it lies on disk."""
+
+    name: str
+    title: str
+    pictures: list[tuple[str, str, Path]]
+    tables: list[str]
+
+
+def write_investigation(found: Investigation, out: Path) -> Shown:
+    """Write figures (PNG, SVG) and tables (CSV) into a folder of the investigation's own.
+
+    Raises:
+        InputError: the folder cannot be written, or matplotlib is not installed.
+    """
+    folder = out / found.name
+    pictures = []
+    for picture in found.pictures:
+        for ending in ("svg", "png"):
+            save(picture.figure, folder / f"{picture.name}.{ending}")
+        pictures.append((picture.title, picture.caption, folder / f"{picture.name}.png"))
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: {error.strerror or error}", "name a writable folder with --out") from None
+    for name, table in found.tables.items():
+        table.write_csv(folder / f"{name}.csv")
+    return Shown(found.name, found.title, pictures, [f"{found.name}/{name}.csv" for name in found.tables])
+
+
+def write_page(
+    path: Path,
+    studies: Sequence[Shown],
+    *,
+    title: str,
+    introduction: str,
+    claims: Sequence[dict[str, Any]] = (),
+    counts: Table | None = None,
+) -> None:
+    """Write the page.
+
+    Args:
+        path: of the HTML file.
+        studies: in their order.
+        title: of the page.
+        introduction: a sentence or two below it.
+        claims: each with claim, where, measured, result and why.
+        counts: the claims' summary.
+
+    Raises:
+        InputError: jinja2 is not installed, or the place cannot be written.
+    """
+    try:
+        import jinja2
+    except ImportError:
+        remedy = "install it with `pip install 'weld_force_ros[report]'`"
+        raise InputError("the gallery needs jinja2", remedy) from None
+    template = (resources.files("weld_force_ros.data") / "templates" / "gallery.html").read_text(encoding="utf-8")
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    page = environment.from_string(template).render(
+        title=title,
+        introduction=introduction,
+        studies=[_embedded(study) for study in studies],
+        claims=claims,
+        counts=counts and _in_words(counts),
+        software=SOFTWARE,
+    )
+    try:
+        path.write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}", "name a writable folder with --out") from None
+
+
+def _in_words(table: Table) -> dict[str, Any]:
+    rows = [[column.shown(cell) for column, cell in zip(table.columns, row, strict=True)] for row in table.rows]
+    return {"headings": [column.heading for column in table.columns], "rows": rows}
+
+
+def _embedded(study: Shown) -> dict[str, Any]:
+    pictures = [
+        {"title": title, "caption": caption, "png": base64.b64encode(png.read_bytes()).decode()}
+        for title, caption, png in study.pictures
+    ]
+    return {"name": study.name, "title": study.title, "pictures": pictures, "tables": study.tables}

@@ -1,0 +1,81 @@
+"""The paper's studies by name, one or all: figures, data, the claims and the gallery in a folder."""
+
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from importlib import import_module
+from multiprocessing import get_context
+from pathlib import Path
+
+import msgspec
+
+from weld_force_ros.studies import Stage, claims, gallery, unseen
+from weld_force_ros.studies.gallery import Shown
+from weld_force_ros.studies.laboratory import Investigation, Laboratory, Measured
+from weld_force_ros.studies.tables import Table
+
+# In the order of the paper.
+STUDIES = (
+    "validation", "map", "curve", "motion", "smooth", "increment", "length", "hertz", "spectrum", "bands", "population",
+)  # fmt: skip
+TITLE = "Forces over rail welds, study by study"
+_INTRODUCTION = (
+    "The studies of the 2018 paper on wheel-rail forces over welds, computed by this software. Exact geometry: cosine "
+    "dips, wheel flats, smooth rail. The five welds are modelled after the paper's text, which does not give their "
+    "samples; what depends on them is marked. The claims at the end were given their criteria before anything was run."
+)
+
+
+@dataclass(frozen=True)
+class Studied:
+    """What a run of studies leaves."""
+
+    shown: list[Shown]
+    tables: dict[str, dict[str, Table]]
+    measured: Measured
+    judged: list[claims.Judged]
+
+
+def investigate(name: str, lab: Laboratory) -> Investigation:
+    """Run one study."""
+    found: Investigation = import_module(f"weld_force_ros.studies.{name}").run(lab)
+    return found
+
+
+def run_one(name: str, lab: Laboratory, out: Path) -> Studied:
+    """Run one study and write its figures and data to `out / name`.
+
+    Raises:
+        InputError: the folder cannot be written, or matplotlib is not installed.
+        WeldForceError: the study cannot be computed.
+    """
+    found = investigate(name, lab)
+    shown = gallery.write_investigation(found, out)
+    return Studied([shown], {name: dict(found.tables)}, found.measured, [])
+
+
+def run_all(lab: Laboratory, out: Path, *, names: Sequence[str] = STUDIES, stage: Stage = unseen) -> Studied:
+    """Run all studies, then judge the claims and write `claims.json` and `gallery.html`.
+
+    Drawing takes longer than computing: two processes share the studies.
+
+    Raises:
+        InputError: the folder cannot be written, or matplotlib is not installed.
+        WeldForceError: a study cannot be computed.
+    """
+    done = stage("studies", len(names))
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        running = [pool.submit(run_one, name, lab, out) for name in names]
+        parts = []
+        for future in running:
+            parts.append(future.result())
+            done()
+    measured: Measured = {key: value for part in parts for key, value in part.measured.items()}
+    judged = claims.evaluate(claims.load(), measured)
+    claims.write(judged, out / "claims.json")
+    shown = [shown for part in parts for shown in part.shown]
+    gallery.write_page(
+        out / "gallery.html", shown, title=TITLE, introduction=_INTRODUCTION,
+        claims=msgspec.to_builtins(judged), counts=claims.summary(judged),
+    )  # fmt: skip
+    return Studied(shown, {name: tables for part in parts for name, tables in part.tables.items()}, measured, judged)
