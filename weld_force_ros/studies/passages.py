@@ -1,0 +1,77 @@
+"""What several studies read off passages and force-speed curves, defined once."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from weld_force_ros.core.curves import CurveFeatures, Hollow, curve_features
+from weld_force_ros.core.passage import History
+from weld_force_ros.core.peaks import Peak, local_peaks
+from weld_force_ros.core.track import Real
+from weld_force_ros.studies.laboratory import Laboratory
+
+SIGNIFICANT = 0.02  # of a curve's largest less smallest force: what counts as an extremum or a hollow
+_SPLIT = 0.05  # of the largest dynamic force: what counts as a peak beside another
+_BESIDE_M = (-0.050, 0.200)
+
+
+def features(speeds_kmh: Real, force_n: Real) -> CurveFeatures:
+    """Extrema and hollows that are significant."""
+    return curve_features(speeds_kmh, force_n, prominence=SIGNIFICANT, tolerance=SIGNIFICANT)
+
+
+def first_maximum(curve: CurveFeatures) -> tuple[float, float]:
+    """Speed in km/h and force in N of the first local maximum; NaN without one."""
+    return (curve.maxima[0].speed_kmh, curve.maxima[0].force_n) if curve.maxima else (np.nan, np.nan)
+
+
+def hollow_after_maximum(curve: CurveFeatures) -> Hollow | None:
+    """The first hollow that begins no earlier than at the first local maximum."""
+    speed_kmh = first_maximum(curve)[0]
+    # Both are vertices of the same parabola unless a plateau parts them.
+    return next((hollow for hollow in curve.hollows if hollow.from_kmh >= speed_kmh - 1e-6), None)
+
+
+def split_peaks(history: History, static_n: float, leading_m: float) -> list[Peak]:
+    """Peaks of a passage from 50 mm before to 200 mm behind a leading peak's place, in the order of their place."""
+    prominence_n = _SPLIT * (float(history.force_n.max()) - static_n)
+    first_m, last_m = (leading_m + offset for offset in _BESIDE_M)
+    return [p for p in local_peaks(history.x_m, history.force_n, prominence_n) if first_m <= p.x_m <= last_m]
+
+
+def two_highest(peaks: list[Peak]) -> tuple[Peak, Peak]:
+    """The two highest peaks in the order of their place; NaN if there are fewer."""
+    if len(peaks) < 2:
+        return Peak(np.nan, np.nan), Peak(np.nan, np.nan)
+    first, second = sorted(sorted(peaks, key=lambda p: -p.force_n)[:2], key=lambda p: p.x_m)
+    return first, second
+
+
+@dataclass(frozen=True)
+class SmoothRail:
+    """The passage at one speed over a track without a weld, known at any place."""
+
+    lab: Laboratory
+    track: str
+    speed_kmh: float
+
+    @cached_property
+    def _span(self) -> History:
+        return self.lab.smooth_rail(self.track, self.speed_kmh, 2)
+
+    def force_n(self, x_m: Real) -> Real:
+        """Contact force at places from a sleeper."""
+        return self._at(x_m, self._span.force_n)
+
+    def wheel_m(self, x_m: Real) -> Real:
+        """Wheel displacement, positive up, at places from a sleeper."""
+        return self._at(x_m, self._span.wheel_m)
+
+    def rail_m(self, x_m: Real) -> Real:
+        """Rail displacement, positive up, under the wheel at places from a sleeper."""
+        return self._at(x_m, self._span.rail_m)
+
+    def _at(self, x_m: Real, values: Real) -> Real:
+        spacing_m = self.lab.track(self.track).track.spacing_m
+        return np.interp(np.mod(x_m, spacing_m), self._span.x_m, values)
