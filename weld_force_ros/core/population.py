@@ -14,13 +14,12 @@ with either sign. How a weld was made is not its class: that is for `weld_force_
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from weld_force_ros.core.shapes import STRAIGHTEDGE_LENGTH_M, cosine_dip, ramp
-from weld_force_ros.core.track import Real
+from weld_force_ros.core.shapes import STRAIGHTEDGE_LENGTH_M, Array, cosine_dip, ramp
 from weld_force_ros.errors import InputError
 
 Making = Literal["dip", "protrusion", "ground"]
@@ -129,8 +128,8 @@ class SyntheticWeld:
     """A weld of a population: positions from its centre and heights, positive up, each (n,)."""
 
     weld_id: str
-    x_m: Real
-    z_m: Real
+    x_m: Array
+    z_m: Array
     parameters: Parameters
 
 
@@ -145,13 +144,19 @@ def population(count: int, seed: int) -> Iterator[SyntheticWeld]:
     return (_weld(number, seed) for number in range(count))
 
 
+def without_short_waves(weld: SyntheticWeld) -> SyntheticWeld:
+    """The same weld, as a grinder that leaves no waves would have left it."""
+    smooth = replace(weld.parameters, roughness_m=0.0)
+    return replace(weld, z_m=_long_waves(weld.x_m, smooth), parameters=smooth)
+
+
 def _weld(number: int, seed: int) -> SyntheticWeld:
     generator = np.random.default_rng([seed, number])
     parameters = _parameters(generator)
     half_m = STRAIGHTEDGE_LENGTH_M / 2
     x = np.linspace(-half_m, half_m, round(STRAIGHTEDGE_LENGTH_M / SPACING_M) + 1)
     z = _long_waves(x, parameters) + parameters.roughness_m * _short_waves(x, generator)
-    return SyntheticWeld(f"synthetic-{seed}-{number:05d}", x, z[::-1] if parameters.reversed else z, parameters)
+    return SyntheticWeld(f"synthetic-{seed}-{number:05d}", x, z, parameters)
 
 
 def _parameters(generator: np.random.Generator) -> Parameters:
@@ -172,7 +177,8 @@ def _parameters(generator: np.random.Generator) -> Parameters:
     )
 
 
-def _long_waves(x: Real, p: Parameters) -> Real:
+def _long_waves(x: Array, p: Parameters) -> Array:
+    x = -x if p.reversed else x
     top_m = p.centre_m + p.asymmetry * p.wavelength_m / 2
     begin_m, end_m = p.centre_m - p.wavelength_m / 2, p.centre_m + p.wavelength_m / 2
     main = ramp(x, begin_m, top_m, p.height_m) - ramp(x, top_m, end_m, p.height_m)
@@ -181,7 +187,7 @@ def _long_waves(x: Real, p: Parameters) -> Real:
     return np.asarray(main + ramped + cosine_dip(x, STRAIGHTEDGE_LENGTH_M, -p.misalignment_m))
 
 
-def _short_waves(x: Real, generator: np.random.Generator) -> Real:
+def _short_waves(x: Array, generator: np.random.Generator) -> Array:
     """Waves of equal amplitude with an expected RMS of 1, faded to zero at both ends."""
     wavelengths = generator.uniform(SHORT_WAVELENGTH_M.low, SHORT_WAVELENGTH_M.high, _SHORT_WAVES)
     phases = generator.uniform(0, 2 * np.pi, _SHORT_WAVES)

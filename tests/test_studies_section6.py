@@ -1,0 +1,168 @@
+"""Studies of the paper's section 6: what they give, on a coarse grid, for the paper's welds and for the user's own."""
+
+import importlib
+import math
+import re
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from weld_force_ros import profiles
+from weld_force_ros.core.passage import History
+from weld_force_ros.core.spectra import Bands, Spectrum
+from weld_force_ros.core.surface import Surface
+from weld_force_ros.core.weld import wheel_trajectory
+from weld_force_ros.studies import bands, claims, records, variants
+from weld_force_ros.studies.laboratory import BILBAO, CONTINUOUS, Investigation, Laboratory, Measured
+
+STUDIES = ("length", "hertz", "spectrum", "bands")
+UNITS = ("_kmh", "_m", "_n", "_hz", "_m_per_n", "_gn_per_m15")
+WITHOUT_UNIT = ("weld",)
+
+
+@pytest.fixture(scope="module")
+def papers() -> dict[str, Investigation]:
+    lab = Laboratory(coarse=True)
+    return {name: importlib.import_module(f"weld_force_ros.studies.{name}").run(lab) for name in STUDIES}
+
+
+@pytest.fixture(scope="module")
+def own() -> Laboratory:
+    return Laboratory(own_weld=profiles.read_profile(profiles.find("weld-4-steep-ramp")), coarse=True)
+
+
+@pytest.fixture(scope="module")
+def measured(papers: dict[str, Investigation]) -> Measured:
+    return {key: value for study in papers.values() for key, value in study.measured.items()}
+
+
+def asked(study: str) -> Iterator[str]:
+    """The quantities that the claims judged by a study need."""
+    return (condition.key for claim in claims.load() if claim.study == study for condition in claim.criteria)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_every_quantity_that_a_claim_asks_for_is_there_and_a_plain_number(name, papers):
+    found = papers[name].measured
+    assert not set(asked(name)) - set(found)
+    for value in found.values():
+        for number in value if isinstance(value, list) else [value]:
+            assert type(number) in (float, bool)
+            assert not math.isinf(number)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_tables_name_their_units_and_are_filled(name, papers):
+    assert papers[name].tables
+    for table in papers[name].tables.values():
+        assert table.rows
+        for column in table.columns:
+            assert column.name.endswith(UNITS) or column.name in WITHOUT_UNIT
+        assert {len(row) for row in table.rows} == {len(table.columns)}
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_figures_have_units_on_their_axes_and_a_caption(name, papers):
+    for picture in papers[name].pictures:
+        assert picture.caption.endswith(".")
+        labels = [label for axes in picture.figure.axes for label in (axes.get_xlabel(), axes.get_ylabel()) if label]
+        assert labels
+        assert all(re.search(r",\s|relative|half its speed", label) for label in labels)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_an_own_weld_is_shown_and_nothing_is_said_about_the_paper(name, own):
+    study = importlib.import_module(f"weld_force_ros.studies.{name}").run(own)
+    assert study.pictures
+    assert not study.measured
+    welds = {row[0] for table in study.tables.values() if table.columns[0].name == "weld" for row in table.rows}
+    assert welds
+    assert all(str(weld).startswith("weld-4-steep-ramp") for weld in welds)
+
+
+# Figures of the paper, section 6.1, to what a speed grid of 3 km/h resolves.
+@pytest.mark.parametrize(
+    ("key", "papers_value"),
+    [
+        ("length.first_maximum_48mm_kmh", 53.0),
+        ("length.first_maximum_96mm_kmh", 107.0),
+        ("length.first_sharp_angle_48mm_kmh", 74.0),
+        ("length.first_sharp_angle_96mm_kmh", 151.0),
+        ("spectrum.force_peak_55kmh_hz", 60.0),
+        ("spectrum.largest_peak_145kmh_hz", 245.0),
+    ],
+)
+def test_the_papers_figures_come_out(key, papers_value, measured):
+    assert measured[key] == pytest.approx(papers_value, rel=0.04)
+
+
+def test_a_stiffer_contact_gives_more_force_and_over_a_rise_both_bands_add_up(measured):
+    assert measured["hertz.change_of_static"] > 0
+    assert all(part > 0 for part in measured["bands.inverted_parts_at_peak_n"])
+    assert measured["bands.high_at_low_maximum_80kmh_n"] < 0
+
+
+def test_an_own_welds_variants_are_its_profile_stretched_and_upside_down(own):
+    x_m, z_m = np.array(own.own_weld.x_m), np.array(own.own_weld.z_m)
+    itself, longer = variants.by_length(own)
+    _, inverse = variants.by_sign(own)
+    radius_m = own.track(CONTINUOUS).wheel.radius_m
+    at = np.linspace(-0.9, 0.9, 301)
+    for variant, expected in (
+        (itself, wheel_trajectory(x_m, z_m, radius_m)),
+        (longer, wheel_trajectory(2 * x_m, z_m, radius_m)),
+        (inverse, wheel_trajectory(x_m, -z_m, radius_m)),
+    ):
+        assert variant.trajectory.at(at) == pytest.approx(expected.at(at), abs=1e-9)
+
+
+@pytest.mark.parametrize("track", [CONTINUOUS, BILBAO])
+def test_a_record_rests_on_either_side_of_the_weld(track):
+    lab = Laboratory()
+    rig = lab.rig(track)
+    passage = records.record(rig, variants.by_sign(lab)[0].trajectory, 200.0)
+    assert passage.x_m[0] <= -records.MARGIN_M
+    assert passage.x_m[-1] >= records.MARGIN_M
+    ends = passage.force_n[np.abs(passage.x_m) > 0.9 * records.MARGIN_M]
+    assert ends == pytest.approx(rig.wheel.static_load_n, rel=1e-5)
+
+
+def test_spectral_peaks_of_a_spectrum_by_hand():
+    frequency = np.arange(10.0, 1000.0)
+    hills = [(60.0, 1.0), (240.0, 5.0), (700.0, 2.0)]
+    amplitude = sum(height * np.exp(-(((frequency - at) / 20) ** 2)) for at, height in hills)
+    spectrum = Spectrum(frequency, 30.0 / frequency, amplitude)
+    assert records.strongest_hz(spectrum, 300, 900) == pytest.approx(700, abs=0.1)
+    assert records.first_two_hz(records.peaks_between(spectrum, 0, 530)) == pytest.approx((60, 240), abs=0.1)
+    assert records.first_two_hz(records.peaks_between(spectrum, 100, 530))[0] == pytest.approx(240, abs=0.1)
+    assert math.isnan(records.first_two_hz(records.peaks_between(spectrum, 100, 530))[1])
+    assert math.isnan(records.strongest_hz(spectrum, 400, 600))
+
+
+def test_an_exponent_is_the_power_of_speed_and_missing_if_a_value_is():
+    speeds = [50.0, 80.0, 200.0]
+    assert records.exponent(speeds, [3 * v**1.5 for v in speeds]) == pytest.approx(1.5)
+    assert math.isnan(records.exponent(speeds, [1.0, math.nan, 2.0]))
+
+
+def test_the_leading_peaks_place_is_that_of_the_nearest_speed():
+    places = np.array([[0.01], [0.02], [0.03]])
+    surface = Surface(places, places, places, places)
+    assert records.place_at(np.array([20.0, 30.0, 40.0]), surface, 32.0) == 0.02
+    assert math.isnan(records.place_at(np.array([20.0, 30.0, 40.0]), surface, math.nan))
+
+
+def test_a_parted_force_by_hand():
+    """A slow half wave of 10 kN, 0.2 m long, and on it a fast one of 4 kN, downwards at the slow one's summit."""
+    x = np.arange(-1.0, 1.0, 0.25e-3)
+    low = np.where(np.abs(x) < 0.15, 10e3 * np.cos(np.pi * x / 0.2), 0.0)
+    high = np.where(np.abs(x) < 0.03, -4e3 * np.cos(np.pi * x / 0.02), 0.0)
+    passage = History(x, 100e3 + low + high, x, x, x)
+    parted = bands.Parted(80.0, passage, Bands(x, 100e3 + low, high, 80.0), 100e3)
+    assert parted.low_peak_m == pytest.approx(0.0, abs=1e-6)
+    assert parted.low_width_m == pytest.approx(0.2, abs=1e-5)
+    assert parted.high_share == pytest.approx(0.4)
+    assert abs(parted.high_peak_m) == pytest.approx(0.02, abs=1e-6)
+    at_summit = 10e3 * math.cos(math.pi * 0.1)
+    assert parted.at_peak_n == pytest.approx([at_summit, 4e3], rel=5e-3)

@@ -1,0 +1,193 @@
+"""Study `bands`: above 530 Hz the force works against that below over a dip, with it over a rise (Figs. 27, 28)."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from weld_force_ros.core.curves import curve_features
+from weld_force_ros.core.passage import History
+from weld_force_ros.core.spectra import CUT_HZ, Bands, Spectrum, bands, phase_at_peak
+from weld_force_ros.core.surface import Surface
+from weld_force_ros.core.track import Real
+from weld_force_ros.studies import bands_figures, passages, records, variants
+from weld_force_ros.studies.laboratory import CONTINUOUS, Investigation, Laboratory, Measured, as_columns
+from weld_force_ros.studies.tables import Column, Table
+from weld_force_ros.studies.variants import Variant
+
+DIP_KMH = (50.0, 80.0, 120.0, 200.0)
+RISE_KMH = (65.0, 120.0, 200.0)
+MOVING_KMH = (80.0, 120.0, 160.0, 200.0)
+_LOW_KMH = (80.0, 120.0, 200.0)
+_BEFORE_M, _BEHIND_M = 0.1, 0.4
+
+
+@dataclass(frozen=True)
+class Parted:
+    """A passage with its force in two parts, the static load in neither."""
+
+    speed_kmh: float
+    passage: History
+    parts: Bands
+    static_load_n: float
+
+    @cached_property
+    def low_n(self) -> Real:
+        """Dynamic force below the cut, (n,)."""
+        return np.asarray(self.parts.low_n - self.static_load_n)
+
+    @cached_property
+    def spectrum(self) -> Spectrum:
+        """Of the whole force."""
+        return records.force_spectrum(self.passage, self.speed_kmh)
+
+    @property
+    def low_peak_m(self) -> float:
+        """Where the low part is largest."""
+        return float(self.passage.x_m[np.argmax(self.low_n)])
+
+    @property
+    def high_peak_m(self) -> float:
+        """Where the high part is largest."""
+        return float(self.passage.x_m[np.argmax(self.parts.high_n)])
+
+    @property
+    def high_share(self) -> float:
+        """Largest magnitude of the high part over that of the low part."""
+        return float(np.abs(self.parts.high_n).max() / np.abs(self.low_n).max())
+
+    @property
+    def at_peak_n(self) -> list[float]:
+        """Low and high part where the whole is largest."""
+        largest = np.argmax(self.passage.force_n)
+        return [float(self.low_n[largest]), float(self.parts.high_n[largest])]
+
+    @property
+    def low_width_m(self) -> float:
+        """Distance between the low part's zero crossings about its maximum."""
+        summit = int(np.argmax(self.low_n))
+        below = np.flatnonzero(self.low_n <= 0)
+        before, behind = below[below < summit], below[below > summit]
+        if not (len(before) and len(behind)):
+            return float("nan")
+        return self._crossing_m(int(behind[0]) - 1) - self._crossing_m(int(before[-1]))
+
+    def _crossing_m(self, index: int) -> float:
+        """Where the low part crosses zero between a sample and the next."""
+        x, low = self.passage.x_m, self.low_n
+        return float(x[index] - low[index] * (x[index + 1] - x[index]) / (low[index + 1] - low[index]))
+
+
+def run(lab: Laboratory) -> Investigation:
+    """Force below and above the cut at several speeds, over a weld and the same upside down; and their curves."""
+    welds = variants.by_sign(lab)
+    speeds = lab.speeds(20, 300, 1)
+    surfaces = list(lab.rig(CONTINUOUS).surfaces([weld.trajectory for weld in welds], speeds, [0.0]))
+    over = {speed: _parted(lab, welds[0], speed) for speed in sorted({*DIP_KMH, *MOVING_KMH})}
+    over_inverse = {speed: _parted(lab, welds[1], speed) for speed in RISE_KMH}
+    first_m, last_m = welds[0].trajectory.uneven_m
+    shown_m = (first_m - _BEFORE_M, last_m + _BEHIND_M)
+    pictures = [
+        bands_figures.parts(welds[0].label, "bands-weld", [over[speed] for speed in DIP_KMH], shown_m),
+        bands_figures.parts(welds[1].label, "bands-inverse", list(over_inverse.values()), shown_m),
+        bands_figures.curves([weld.label for weld in welds], speeds, surfaces),
+        bands_figures.spectra(welds[0].label, [over[speed] for speed in MOVING_KMH]),
+    ]
+    tables = {
+        "parts": _parts_table(welds, [over, over_inverse], shown_m),
+        "curves": _curves_table(welds, speeds, surfaces),
+    }
+    measured = _measured(speeds, surfaces, over, over_inverse) if lab.papers else {}
+    return Investigation("bands", "Force below and above 530 Hz", pictures, tables, measured)
+
+
+def _parted(lab: Laboratory, weld: Variant, speed_kmh: float) -> Parted:
+    rig = lab.rig(CONTINUOUS)
+    passage = records.record(rig, weld.trajectory, speed_kmh)
+    return Parted(speed_kmh, passage, bands(passage.x_m, passage.force_n, speed_kmh, CUT_HZ), rig.wheel.static_load_n)
+
+
+def _parts_table(welds: list[Variant], passages: list[dict[float, Parted]], shown_m: tuple[float, float]) -> Table:
+    rows: list[tuple[str | float, ...]] = []
+    for weld, by_speed in zip(welds, passages, strict=True):
+        for speed, parted in by_speed.items():
+            x = parted.passage.x_m
+            inside = (x >= shown_m[0]) & (x <= shown_m[1])
+            cells = as_columns(x[inside], parted.low_n[inside], parted.parts.high_n[inside])
+            rows += [(weld.label, speed, *row) for row in cells]
+    return Table(
+        "Dynamic force below and above 530 Hz",
+        (Column("weld", "weld"), Column("speed_kmh", "km/h", 0), Column("x_m", "m behind the weld's centre", 4),
+         Column("low_n", "N", 0), Column("high_n", "N", 0)), rows,
+    )  # fmt: skip
+
+
+def _curves_table(welds: list[Variant], speeds: Real, surfaces: list[Surface]) -> Table:
+    return Table(
+        "Peak force over a weld and the same upside down",
+        (Column("weld", "weld"), Column("speed_kmh", "km/h", 0), Column("peak_force_n", "N", 0)),
+        [(weld.label, *row) for weld, surface in zip(welds, surfaces, strict=True)
+         for row in as_columns(speeds, surface.peak_force_n)],
+    )  # fmt: skip
+
+
+def _measured(
+    speeds: Real, surfaces: list[Surface], over: dict[float, Parted], over_inverse: dict[float, Parted]
+) -> Measured:
+    dip, rise = (surface.peak_force_n[:, 0] for surface in surfaces)
+    inverted = curve_features(speeds, rise)
+    return {
+        **_low_part(over),
+        **_high_part(over),
+        **_places(speeds, surfaces[0], over),
+        "bands.inverted_monotonic": inverted.monotonic,
+        "bands.inverted_linearity": inverted.linearity,
+        "bands.inverted_parts_at_peak_n": [part for parted in over_inverse.values() for part in parted.at_peak_n],
+        "bands.dip_below_rise_share": float(np.mean(dip < rise)),
+    }
+
+
+def _low_part(over: dict[float, Parted]) -> Measured:
+    peaks = np.array([records.first_two_hz(records.peaks_between(over[v].spectrum, 0, CUT_HZ)) for v in _LOW_KMH])
+    widths = [over[speed].low_width_m for speed in MOVING_KMH]
+    return {
+        "bands.low_peaks_spread": (np.ptp(peaks, axis=0) / peaks.mean(axis=0)).tolist(),
+        "bands.low_first_peak_hz": peaks[:, 0].tolist(),
+        "bands.low_second_peak_hz": peaks[:, 1].tolist(),
+        "bands.low_width_exponent": records.exponent(MOVING_KMH, widths),
+        "bands.low_peak_shift_50_to_200kmh_mm": (over[200.0].low_peak_m - over[50.0].low_peak_m) * 1e3,
+    }
+
+
+def _high_part(over: dict[float, Parted]) -> Measured:
+    strongest = [records.strongest_hz(over[v].spectrum, CUT_HZ, np.inf) for v in MOVING_KMH]
+    largest = [float(np.abs(over[speed].parts.high_n).max()) for speed in DIP_KMH]
+    phase = phase_at_peak(over[80.0].parts)
+    return {
+        "bands.high_peak_exponent": records.exponent(MOVING_KMH, strongest),
+        **{f"bands.high_share_{speed:g}kmh": over[speed].high_share for speed in (50.0, 80.0, 120.0)},
+        "bands.high_grows": bool(np.all(np.diff(largest) > 0)),
+        "bands.high_at_low_maximum_80kmh_n": phase.high_n,
+        "bands.phase_80kmh": phase.correlation,
+        "bands.high_at_peak_50kmh_n": over[50.0].at_peak_n[1],
+        "bands.parts_at_peak_200kmh_n": over[200.0].at_peak_n,
+    }
+
+
+def _places(speeds: Real, surface: Surface, over: dict[float, Parted]) -> Measured:
+    """Where the two peaks lie, and where the parts have theirs."""
+    maximum_kmh = passages.first_maximum(passages.features(speeds, surface.peak_force_n[:, 0]))[0]
+    leading_m = records.place_at(speeds, surface, maximum_kmh)
+    first_120, second_120 = _two_places(over[120.0], leading_m)
+    first_200, second_200 = _two_places(over[200.0], leading_m)
+    return {
+        "bands.first_peak_to_high_120kmh_mm": (first_120 - over[120.0].high_peak_m) * 1e3,
+        "bands.second_peak_to_low_120kmh_mm": (second_120 - over[120.0].low_peak_m) * 1e3,
+        "bands.first_peak_shift_120_to_200kmh_mm": (first_200 - first_120) * 1e3,
+        "bands.second_peak_shift_120_to_200kmh_mm": (second_200 - second_120) * 1e3,
+    }
+
+
+def _two_places(parted: Parted, leading_m: float) -> tuple[float, float]:
+    first, second = passages.two_highest(passages.split_peaks(parted.passage, parted.static_load_n, leading_m))
+    return first.x_m, second.x_m

@@ -1,0 +1,91 @@
+"""Pictures of study `bands`."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from weld_force_ros.core.passage import History
+from weld_force_ros.core.spectra import CUT_HZ, Bands, Spectrum
+from weld_force_ros.core.surface import Surface
+from weld_force_ros.core.track import Real
+from weld_force_ros.report import BLUE, GREEN, GREY, RED, new_figure
+from weld_force_ros.studies.laboratory import Picture
+from weld_force_ros.studies.spectrum_figures import mark_frequencies
+from weld_force_ros.studies.style import COLOURS
+
+_SHOWN_HZ = (20, 2000)
+
+
+class Parted(Protocol):
+    """A passage with its force in two parts."""
+
+    @property
+    def speed_kmh(self) -> float: ...  # noqa: D102
+    @property
+    def passage(self) -> History: ...  # noqa: D102
+    @property
+    def parts(self) -> Bands: ...  # noqa: D102
+    @property
+    def low_n(self) -> Real: ...  # noqa: D102
+    @property
+    def spectrum(self) -> Spectrum: ...  # noqa: D102
+
+
+def parts(weld: str, name: str, passages: Sequence[Parted], shown_m: tuple[float, float]) -> Picture:
+    """Dynamic force, and its two parts, at each speed."""
+    figure = new_figure(7.0, 1.2 + 1.7 * len(passages))
+    panels = figure.subplots(len(passages), 1, sharex=True)
+    for axes, parted in zip(panels, passages, strict=True):
+        x = parted.passage.x_m
+        inside = (x >= shown_m[0]) & (x <= shown_m[1])
+        total = parted.low_n + parted.parts.high_n
+        for label, force, colour, style in (
+            ("total", total, BLUE, "-"), ("below 530 Hz", parted.low_n, GREEN, "--"),
+            ("above 530 Hz", parted.parts.high_n, RED, "-."),
+        ):  # fmt: skip
+            axes.plot(x[inside] * 1e3, force[inside] / 1e3, style, color=colour, label=label)
+        axes.axhline(0, color=GREY, linewidth=0.6, zorder=0)
+        axes.text(0.99, 0.93, f"{parted.speed_kmh:g} km/h", transform=axes.transAxes, ha="right", va="top")
+    panels[-1].set(xlabel="distance behind the weld's centre, mm", xlim=(shown_m[0] * 1e3, shown_m[1] * 1e3))
+    figure.supylabel("dynamic contact force, kN", fontsize="medium")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
+    return Picture(
+        name, f"Force below and above 530 Hz: {weld}",
+        "Where the parts have opposite signs at the peak, it is lowered and parts; where they have the same sign, they "
+        "add up. The part below 530 Hz lengthens and moves in the running direction with speed.", figure,
+    )  # fmt: skip
+
+
+def curves(labels: Sequence[str], speeds_kmh: Real, surfaces: Sequence[Surface]) -> Picture:
+    """Peak force against speed of a weld and its inverse."""
+    figure = new_figure(7.0, 3.6)
+    axes = figure.subplots()
+    for label, surface, colour, style in zip(labels, surfaces, COLOURS, ("-", "--"), strict=False):
+        axes.plot(speeds_kmh, surface.peak_force_n[:, 0] / 1e3, style, color=colour, label=label)
+    axes.set(xlabel="speed, km/h", ylabel="peak force, kN")
+    figure.legend(loc="outside upper center", ncols=2, frameon=False)
+    return Picture(
+        "bands-curves", "Peak force over a weld and the same upside down",
+        "Over a rise the force keeps growing, nearly along a line. Over a dip it has a maximum and a hollow behind it. "
+        "Which of the two gives less depends on the speed.", figure,
+    )  # fmt: skip
+
+
+def spectra(weld: str, passages: Sequence[Parted]) -> Picture:
+    """Spectra of the force at several speeds about the cut."""
+    figure = new_figure(7.0, 3.8)
+    axes = figure.subplots()
+    for parted, colour, style in zip(passages, COLOURS, (":", "-.", "--", "-"), strict=False):
+        frequency, amplitude = parted.spectrum.frequency_hz, parted.spectrum.amplitude
+        inside = (frequency >= _SHOWN_HZ[0]) & (frequency <= _SHOWN_HZ[1])
+        axes.plot(frequency[inside], amplitude[inside], style, color=colour, label=f"{parted.speed_kmh:g} km/h")
+    axes.axvline(CUT_HZ, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
+    axes.text(CUT_HZ * 1.03, axes.get_ylim()[1] * 0.97, f"{CUT_HZ:g} Hz", va="top")
+    axes.set(ylabel="force, N")
+    mark_frequencies(axes, *_SHOWN_HZ)
+    axes.set_ylim(bottom=0)
+    figure.legend(loc="outside upper center", ncols=4, frameon=False)
+    return Picture(
+        "bands-spectra", f"Spectra of the force about 530 Hz: {weld}",
+        "Below the cut the peaks stay where they are at every speed; above it they move to higher frequencies. "
+        "Amplitudes of the whole record.", figure,
+    )  # fmt: skip

@@ -1,0 +1,124 @@
+"""Study `curve`: maximum force against speed, and how the peak of the force splits (Fig. 11)."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from weld_force_ros.core.curves import CurveFeatures
+from weld_force_ros.core.passage import History
+from weld_force_ros.core.peaks import Peak
+from weld_force_ros.core.surface import Surface
+from weld_force_ros.core.track import Real
+from weld_force_ros.report import new_figure
+from weld_force_ros.studies.laboratory import BILBAO, WELDS, Investigation, Laboratory, Measured, Picture, as_columns
+from weld_force_ros.studies.passages import features, first_maximum, hollow_after_maximum, split_peaks, two_highest
+from weld_force_ros.studies.style import COLOURS
+from weld_force_ros.studies.tables import Column, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+POSITION_M = 0.15
+HISTORIES_KMH = {"A": 55.0, "B": 80.0, "C": 150.0, "D": 170.0, "E": 200.0}
+_SPEEDS_KMH = (20.0, 300.0, 2.0)
+_SHOWN_M = (-0.3, 0.5)
+_EVERY = 4  # points of the 0.25 mm grid, in the table
+_FORCE, _WELD = COLOURS[0], COLOURS[1]
+
+
+def run(lab: Laboratory) -> Investigation:
+    """Force against speed at one position, and five of its passages."""
+    (weld,) = lab.welds(WELDS[0])
+    speeds = lab.speeds(*_SPEEDS_KMH)
+    surface = lab.surface(weld, BILBAO, speeds, [POSITION_M])
+    histories = {speed: lab.history(weld, BILBAO, speed, POSITION_M) for speed in HISTORIES_KMH.values()}
+    curve = features(speeds, surface.peak_force_n[:, 0])
+    figure = _draw(lab, weld, speeds, surface.peak_force_n[:, 0], histories)
+    picture = Picture(
+        "force-against-speed", f"Force against speed: {weld}",
+        f"Above: peak force over {weld}, centred {POSITION_M * 100:g} cm after a sleeper, against speed. Below: the "
+        "force along the rail at the points A to E; dots are the peaks that stand out. Last: the weld.", figure,
+    )  # fmt: skip
+    tables = {
+        "curve": Table(
+            "Peak force against speed",
+            (Column("speed_kmh", "km/h", 0), Column("peak_force_n", "peak N", 0), Column("peak_x_m", "at m", 3)),
+            as_columns(speeds, surface.peak_force_n, surface.peak_x_m),
+        ),
+        "histories": Table(
+            "Force along the rail; x from the weld's centre",
+            (Column("speed_kmh", "km/h", 0), Column("x_m", "m", 4), Column("force_n", "N", 0)),
+            [(speed, *row) for speed, h in histories.items() for row in _rows(h)],
+        ),
+    }
+    measured = _measured(lab, curve, speeds, surface, histories) if lab.papers else {}
+    return Investigation("curve", "Force against speed", [picture], tables, measured)
+
+
+def _rows(history: History) -> list[tuple[float, ...]]:
+    x = history.x_m - POSITION_M
+    shown = np.flatnonzero((x >= _SHOWN_M[0]) & (x <= _SHOWN_M[1]))[::_EVERY]
+    return as_columns(x[shown], history.force_n[shown])
+
+
+def _draw(lab: Laboratory, weld: str, speeds: Real, force_n: Real, histories: dict[float, History]) -> "Figure":
+    figure = new_figure(7.0, 7.0)
+    grid = figure.add_gridspec(3, 3, height_ratios=[1.5, 1, 1])
+    above = figure.add_subplot(grid[0, :])
+    above.plot(speeds, force_n / 1e3, color=_FORCE)
+    for letter, speed in HISTORIES_KMH.items():
+        at = float(histories[speed].force_n.max()) / 1e3
+        above.plot(speed, at, "o", color=_WELD)
+        above.annotate(letter, (speed, at), xytext=(0, 6), textcoords="offset points", ha="center", weight="bold")
+    above.margins(y=0.12)
+    above.set(xlabel="speed, km/h", ylabel="peak force, kN")
+    cells: list[Any] = [figure.add_subplot(grid[1 + i // 3, i % 3]) for i in range(6)]
+    for axes, (letter, speed) in zip(cells, HISTORIES_KMH.items(), strict=False):
+        axes.sharey(cells[0])
+        _draw_history(axes, histories[speed], lab.track(BILBAO).wheel.static_load_n)
+        axes.set_title(f"{letter}: {speed:g} km/h", fontsize=9)
+    for axes in (cells[0], cells[3]):
+        axes.set_ylabel("force, kN")
+    profile = lab.weld(weld)
+    cells[5].plot(np.array(profile.x_m) * 100, np.array(profile.z_m) * 1e6, color=_WELD)
+    cells[5].set_title("height of the weld, µm", fontsize=9)
+    for axes in cells:
+        axes.set_xlim(_SHOWN_M[0] * 100, _SHOWN_M[1] * 100)
+        axes.axvline(0, color="#666666", linewidth=0.6)
+    figure.supxlabel("distance from the weld's centre, cm", fontsize=10)
+    return figure
+
+
+def _draw_history(axes: Any, history: History, static_n: float) -> None:
+    axes.plot((history.x_m - POSITION_M) * 100, history.force_n / 1e3, color=_FORCE)
+    for peak in split_peaks(history, static_n, float(history.x_m[np.argmax(history.force_n)])):
+        axes.plot((peak.x_m - POSITION_M) * 100, peak.force_n / 1e3, "o", color=_WELD, markersize=4)
+
+
+def _measured(
+    lab: Laboratory, curve: CurveFeatures, speeds: Real, surface: Surface, histories: dict[float, History]
+) -> Measured:
+    static_n = lab.track(BILBAO).wheel.static_load_n
+    maximum_kmh = first_maximum(curve)[0]
+    hollow = hollow_after_maximum(curve)
+    at_maximum = int(np.argmin(np.abs(speeds - maximum_kmh))) if curve.maxima else 0
+    leading_m = float(surface.peak_x_m[at_maximum, 0]) if curve.maxima else np.nan
+    largest = {speed: float(h.force_n.max()) for speed, h in histories.items()}
+    peaks = {speed: split_peaks(h, static_n, leading_m) for speed, h in histories.items()}
+    pairs = {speed: two_highest(found) for speed, found in peaks.items()}
+    return {
+        "curve.first_maximum_kmh": maximum_kmh,
+        "curve.hollow_lowest_kmh": hollow.lowest_kmh if hollow else np.nan,
+        "curve.rise_55_to_80kmh_n": largest[80] - largest[55],
+        "curve.rise_80_to_150kmh_n": largest[150] - largest[80],
+        "curve.peaks_55kmh": float(len(peaks[55])) if curve.maxima else np.nan,
+        "curve.peaks_150kmh": float(len(peaks[150])) if curve.maxima else np.nan,
+        "curve.second_over_first_150kmh": _second_over_first(pairs[150], static_n),
+        "curve.second_over_first_200kmh": _second_over_first(pairs[200], static_n),
+        "curve.second_peak_growth_150_to_170kmh_n": pairs[170][1].force_n - pairs[150][1].force_n,
+        "curve.first_peak_growth_170_to_200kmh_n": pairs[200][0].force_n - pairs[170][0].force_n,
+    }
+
+
+def _second_over_first(pair: tuple[Peak, Peak], static_n: float) -> float:
+    return (pair[1].force_n - static_n) / (pair[0].force_n - static_n)

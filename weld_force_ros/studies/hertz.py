@@ -1,0 +1,100 @@
+"""Study `hertz`: a stiffer contact raises the force and hardly changes the curve's shape (section 6.1)."""
+
+import numpy as np
+
+from weld_force_ros.core.curves import sharp_angles
+from weld_force_ros.core.surface import Surface
+from weld_force_ros.core.track import Real
+from weld_force_ros.report import new_figure
+from weld_force_ros.studies import passages, variants
+from weld_force_ros.studies.laboratory import CONTINUOUS, Investigation, Laboratory, Measured, Picture, as_columns
+from weld_force_ros.studies.style import COLOURS
+from weld_force_ros.studies.tables import Column, Table
+from weld_force_ros.studies.variants import Variant
+
+STIFFNESSES_GN_PER_M15 = (50.0, 75.0, 93.7, 100.0)
+_LAST_KMH = 200.0
+_STYLES = (":", "--", "-", "-.")
+
+
+def run(lab: Laboratory) -> Investigation:
+    """Force against speed with four contact stiffnesses, over a weld and the same upside down."""
+    speeds = lab.speeds(20, 300, 1)
+    welds = variants.by_sign(lab)
+    # (n_stiffness) lists of one surface a weld.
+    surfaces = [_surfaces(lab, welds, speeds, stiffness) for stiffness in STIFFNESSES_GN_PER_M15]
+    table = Table(
+        "Peak force by contact stiffness",
+        (Column("weld", "weld"), Column("hertz_gn_per_m15", "GN/m^1.5", 1), Column("speed_kmh", "km/h", 0),
+         Column("peak_force_n", "N", 0), Column("peak_x_m", "m behind the weld's centre", 4)),
+        [(weld.label, stiffness, *row) for stiffness, row_of in zip(STIFFNESSES_GN_PER_M15, surfaces, strict=True)
+         for weld, surface in zip(welds, row_of, strict=True)
+         for row in as_columns(speeds, surface.peak_force_n, surface.peak_x_m)],
+    )  # fmt: skip
+    pictures = [_curves(welds, speeds, surfaces), _changes(lab, welds, speeds, surfaces)]
+    measured = _measured(lab, speeds, surfaces[0], surfaces[-1]) if lab.papers else {}
+    return Investigation("hertz", "Stiffness of the contact", pictures, {"curves": table}, measured)
+
+
+def _surfaces(lab: Laboratory, welds: list[Variant], speeds: Real, gn_per_m15: float) -> list[Surface]:
+    rig = lab.rig(CONTINUOUS, hertz_n_per_m15=gn_per_m15 * 1e9)
+    return list(rig.surfaces([weld.trajectory for weld in welds], speeds, [0.0]))
+
+
+def _curves(welds: list[Variant], speeds: Real, surfaces: list[list[Surface]]) -> Picture:
+    figure = new_figure(7.0, 6.4)
+    panels = figure.subplots(len(welds), 1, sharex=True)
+    for row, stiffness, colour, style in zip(surfaces, STIFFNESSES_GN_PER_M15, COLOURS, _STYLES, strict=False):
+        for axes, surface in zip(panels, row, strict=True):
+            label = f"{stiffness:g} GN/m$^{{3/2}}$" if axes is panels[0] else None
+            axes.plot(speeds, surface.peak_force_n[:, 0] / 1e3, style, color=colour, label=label)
+    for axes, weld in zip(panels, welds, strict=True):
+        axes.set(title=weld.label, ylabel="peak force, kN")
+    panels[-1].set(xlabel="speed, km/h")
+    figure.legend(loc="outside upper center", ncols=4, frameon=False)
+    return Picture(
+        "hertz-curves", "Peak force by contact stiffness",
+        "A stiffer contact gives more force, the more so the higher the speed, and moves a dip's maximum slightly to "
+        "higher speed; the curves keep their shape.", figure,
+    )  # fmt: skip
+
+
+def _changes(lab: Laboratory, welds: list[Variant], speeds: Real, surfaces: list[list[Surface]]) -> Picture:
+    static_n = lab.rig(CONTINUOUS).wheel.static_load_n
+    figure = new_figure(7.0, 3.2)
+    axes = figure.subplots()
+    for weld, soft, stiff, colour in zip(welds, surfaces[0], surfaces[-1], COLOURS, strict=False):
+        change = 100 * (stiff.peak_force_n - soft.peak_force_n)[:, 0] / static_n
+        axes.plot(speeds, change, color=colour, label=weld.label)
+    axes.set(xlabel="speed, km/h", ylabel="change of peak force,\n% of static load")
+    figure.legend(loc="outside upper center", ncols=2, frameon=False)
+    return Picture(
+        "hertz-change", "Change of peak force from 50 to 100 GN/m^1.5",
+        "How much a contact twice as stiff adds depends on the speed: there is no one percentage.", figure,
+    )  # fmt: skip
+
+
+def _measured(lab: Laboratory, speeds: Real, soft: list[Surface], stiff: list[Surface]) -> Measured:
+    static_n = lab.rig(CONTINUOUS).wheel.static_load_n
+    shown = speeds <= _LAST_KMH
+    (soft_dip, soft_rise), (stiff_dip, stiff_rise) = (
+        [surface.peak_force_n[:, 0] for surface in surfaces] for surfaces in (soft, stiff)
+    )
+    soft_kmh, soft_n = _first_maximum(speeds, soft_dip)
+    stiff_kmh, stiff_n = _first_maximum(speeds, stiff_dip)
+    return {
+        "hertz.change_of_static": (stiff_n - soft_n) / static_n,
+        "hertz.change_of_static_rise": float(np.mean((stiff_rise - soft_rise)[shown]) / static_n),
+        "hertz.shape_correlation": float(np.corrcoef(soft_dip[shown], stiff_dip[shown])[0, 1]),
+        "hertz.shape_correlation_rise": float(np.corrcoef(soft_rise[shown], stiff_rise[shown])[0, 1]),
+        "hertz.first_maximum_shift_kmh": stiff_kmh - soft_kmh,
+        "hertz.first_sharp_angle_shift_kmh": _first_angle(speeds, stiff[0]) - _first_angle(speeds, soft[0]),
+    }
+
+
+def _first_maximum(speeds: Real, force: Real) -> tuple[float, float]:
+    return passages.first_maximum(passages.features(speeds, force))
+
+
+def _first_angle(speeds: Real, surface: Surface) -> float:
+    return [*sharp_angles(speeds, surface.peak_force_n[:, 0], surface.peak_x_m[:, 0]), float("nan")][0]

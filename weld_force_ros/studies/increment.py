@@ -1,0 +1,172 @@
+"""Study `increment`: what a weld adds to the force on smooth rail (Fig. 22).
+
+The dynamic force is the peak less the static load; the increment is the largest excess over the force that the same
+wheel had at the same place on smooth rail.
+"""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from weld_force_ros.core.curves import SurfaceFeatures, surface_features
+from weld_force_ros.core.passage import Rig
+from weld_force_ros.core.track import Real
+from weld_force_ros.core.weld import Trajectory
+from weld_force_ros.report import new_figure
+from weld_force_ros.studies.laboratory import BILBAO, WELDS, Investigation, Laboratory, Measured, Picture, grid_rows
+from weld_force_ros.studies.map_figures import draw_surface, name_sleepers, outline
+from weld_force_ros.studies.passages import SIGNIFICANT, SmoothRail, features
+from weld_force_ros.studies.style import draw_map
+from weld_force_ros.studies.tables import Column, Table
+from weld_force_ros.studies.weld_map import SPEEDS_KMH, within
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Excess:
+    """Forces over one weld, each (n_speed, n_position).
+
+    Attributes:
+        dynamic_n: peak force less the static load.
+        increment_n: largest excess over smooth rail.
+        smooth_n: dynamic force on smooth rail at the peak's place.
+    """
+
+    dynamic_n: Real
+    increment_n: Real
+    smooth_n: Real
+
+
+def run(lab: Laboratory) -> Investigation:
+    """Dynamic force and increment over speed and position."""
+    (weld,) = lab.welds(WELDS[0])
+    speeds, positions, span_m = lab.speeds(*SPEEDS_KMH), lab.positions(BILBAO), lab.track(BILBAO).track.spacing_m
+    excess = _excess(lab, weld, speeds, positions)
+    hollows = [_hollows(speeds, positions, force, span_m) for force in (excess.dynamic_n, excess.increment_n)]
+    pictures = [
+        Picture(
+            "increment", f"Dynamic force and increment: {weld}",
+            "(a) Peak force less the static load. (b) Largest excess over the force on smooth rail at the same place. "
+            "Outlined and hatched: hollows, where a lower speed gave more.",
+            _draw(speeds, positions, excess, hollows, span_m),
+        ),
+        Picture(
+            "difference", f"Dynamic force less increment: {weld}",
+            "(a) less (b). Positive, red: smooth rail alone had more than the static load where the peak occurs.",
+            _draw_difference(speeds, positions, excess, span_m),
+        ),
+    ]  # fmt: skip
+    columns = (
+        Column("speed_kmh", "km/h", 0), Column("position_m", "m after sleeper", 2),
+        Column("dynamic_force_n", "dynamic N", 0), Column("increment_n", "increment N", 0),
+        Column("smooth_rail_dynamic_n", "smooth N", 0),
+    )  # fmt: skip
+    rows = grid_rows(speeds, positions, excess.dynamic_n, excess.increment_n, excess.smooth_n)
+    table = Table(f"Dynamic force and increment over {weld}", columns, rows)
+    measured = _measured(speeds, positions, excess, hollows, span_m) if lab.papers else {}
+    return Investigation("increment", "Increment over smooth rail", pictures, {"increment": table}, measured)
+
+
+def _excess(lab: Laboratory, weld: str, speeds_kmh: Real, positions_m: Real) -> Excess:
+    # Made once, before threads ask for them.
+    trajectory, rig = lab.trajectory(weld, BILBAO), lab.rig(BILBAO)
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        rows = pool.map(partial(_at_speed, lab, rig, trajectory, positions_m), speeds_kmh.tolist())
+        return Excess(*np.stack(list(rows), axis=1))
+
+
+def _at_speed(lab: Laboratory, rig: Rig, trajectory: Trajectory, positions_m: Real, speed_kmh: float) -> Real:
+    """The fields of `Excess` at one speed, (3, n_position)."""
+    smooth, static_n = SmoothRail(lab, BILBAO, speed_kmh), rig.wheel.static_load_n
+    found = np.empty((3, len(positions_m)))
+    for column, position in enumerate(positions_m.tolist()):
+        history = rig.history(trajectory, speed_kmh, position)
+        without_n = smooth.force_n(history.x_m)
+        peak = int(np.argmax(history.force_n))
+        found[:, column] = (
+            history.force_n[peak] - static_n,
+            (history.force_n - without_n).max(),
+            without_n[peak] - static_n,
+        )
+    return found
+
+
+def _hollows(speeds_kmh: Real, positions_m: Real, force_n: Real, span_m: float) -> SurfaceFeatures:
+    return surface_features(speeds_kmh, positions_m, force_n, span_m, tolerance=SIGNIFICANT)
+
+
+def _draw(speeds: Real, positions: Real, excess: Excess, hollows: list[SurfaceFeatures], span_m: float) -> "Figure":
+    figure = new_figure(7.0, 6.2)
+    grid = figure.add_gridspec(2, 2)
+    forces = (excess.dynamic_n / 1e3, excess.increment_n / 1e3)
+    highest = max(float(force.max()) for force in forces)
+    scale = {"vmin": 0.0, "vmax": highest}
+    maps: list[Any] = []
+    image: Any = None
+    titles = ("(a) dynamic force, kN", "(b) increment, kN")
+    for column, (force, shape, title) in enumerate(zip(forces, hollows, titles, strict=True)):
+        solid: Any = figure.add_subplot(grid[0, column], projection="3d")
+        draw_surface(solid, positions, speeds, force, span_m, **scale)
+        solid.set_zlim(0, highest)
+        solid.set_title(title, fontsize=10, y=0.98)
+        maps.append(figure.add_subplot(grid[1, column]))
+        image = draw_map(maps[-1], positions, speeds, force, span_m, **scale)
+        outline(maps[-1], positions, speeds, shape.hollow, span_m)
+        name_sleepers(maps[-1], span_m)
+        maps[-1].set_title(title, fontsize=10, pad=16)
+    maps[1].set_ylabel("")
+    figure.colorbar(image, ax=maps, label="kN")
+    return figure
+
+
+def _draw_difference(speeds: Real, positions: Real, excess: Excess, span_m: float) -> "Figure":
+    figure = new_figure(7.0, 3.6)
+    axes = figure.subplots()
+    difference = (excess.dynamic_n - excess.increment_n) / 1e3
+    most = float(np.abs(difference).max())
+    image = draw_map(axes, positions, speeds, difference, span_m, vmin=-most, vmax=most)
+    image.set_cmap("RdBu_r")
+    name_sleepers(axes, span_m)
+    figure.colorbar(image, ax=axes, label="dynamic force less increment, kN")
+    return figure
+
+
+def _measured(speeds: Real, positions: Real, excess: Excess, hollows: list[SurfaceFeatures], span_m: float) -> Measured:
+    dynamic, increment = excess.dynamic_n, excess.increment_n
+    cells = [int(shape.hollow.sum()) for shape in hollows]
+    near = within(positions, 0.15, 0.35)
+    curves = [features(speeds, force) for force in increment[:, near].T]
+    kept = [any(120 <= hollow.lowest_kmh <= 200 for hollow in curve.hollows) for curve in curves]
+    above = dynamic > increment
+    return {
+        "increment.hollow_cells_ratio": cells[1] / cells[0] if cells[0] else np.nan,
+        "increment.hollow_share_120_200kmh_15_35cm": float(np.mean(kept)),
+        "increment.spread_ratio": _spread(increment) / _spread(dynamic),
+        "increment.roughness_ratio": _roughness(increment) / _roughness(dynamic),
+        "increment.sleeper_distance_highest_m": _sleeper_distance_of_highest(positions, increment, span_m),
+        "increment.share_a_above_b": float(above.mean()),
+        "increment.smooth_above_static_share": float((excess.smooth_n[above] > 0).mean()) if above.any() else np.nan,
+    }
+
+
+def _spread(force_n: Real) -> float:
+    return float(np.median(np.ptp(force_n, axis=1)))
+
+
+def _roughness(force_n: Real) -> float:
+    """RMS of second differences along the position, round the span."""
+    second = np.roll(force_n, 1, axis=1) - 2 * force_n + np.roll(force_n, -1, axis=1)
+    return float(np.sqrt(np.mean(second**2)))
+
+
+def _sleeper_distance_of_highest(positions_m: Real, force_n: Real, span_m: float) -> float:
+    """Mean distance to the nearest sleeper of the highest twentieth of cells."""
+    distance = np.broadcast_to(np.minimum(positions_m, span_m - positions_m), force_n.shape)
+    count = max(1, round(0.05 * force_n.size))
+    return float(distance.ravel()[np.argsort(force_n, axis=None)[-count:]].mean())

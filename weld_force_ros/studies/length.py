@@ -1,0 +1,139 @@
+"""Study `length`: a dip twice as long gives its greatest force at twice the speed (Fig. 23)."""
+
+import numpy as np
+
+from weld_force_ros.core.curves import CurveFeatures, sharp_angles
+from weld_force_ros.core.passage import History
+from weld_force_ros.core.surface import Surface
+from weld_force_ros.core.track import Real
+from weld_force_ros.report import GREY, new_figure
+from weld_force_ros.studies import passages, records, variants
+from weld_force_ros.studies.laboratory import CONTINUOUS, Investigation, Laboratory, Measured, Picture, as_columns
+from weld_force_ros.studies.style import COLOURS
+from weld_force_ros.studies.tables import Cell, Column, Table
+from weld_force_ros.studies.variants import Variant
+
+_PARTING_KMH = (53.0, 74.0, 100.0, 124.0)
+_ANGLE_KMH = 74.0
+_LENGTHS_MM = (48, 96)
+_SHAPE_KMH = np.arange(20.0, 151.0)
+_BEHIND_M = 0.2
+
+
+def run(lab: Laboratory) -> Investigation:
+    """Force against speed over a weld and one twice as long, and how its peak parts."""
+    speeds = lab.speeds(20, 300, 1)
+    welds = variants.by_length(lab)
+    rig = lab.rig(CONTINUOUS)
+    surfaces = list(rig.surfaces([weld.trajectory for weld in welds], speeds, [0.0]))
+    parting = [rig.history(welds[0].trajectory, speed, 0.0) for speed in _PARTING_KMH]
+    rows: list[tuple[Cell, ...]] = [(weld.label, *row) for weld, surface in zip(welds, surfaces, strict=True)
+            for row in as_columns(speeds, surface.peak_force_n, surface.peak_x_m)]  # fmt: skip
+    table = Table(
+        "Peak force over both lengths",
+        (Column("weld", "weld"), Column("speed_kmh", "km/h", 0), Column("peak_force_n", "N", 0),
+         Column("peak_x_m", "m behind the weld's centre", 4)), rows,
+    )  # fmt: skip
+    pictures = [_curves(welds, speeds, surfaces), _stretched(welds, speeds, surfaces), _parting(welds[0], parting)]
+    measured = _measured(lab, speeds, surfaces) if lab.papers else {}
+    return Investigation("length", "Length of the weld", pictures, {"curves": table}, measured)
+
+
+def _features(speeds: Real, surface: Surface) -> CurveFeatures:
+    return passages.features(speeds, surface.peak_force_n[:, 0])
+
+
+def _angles(speeds: Real, surface: Surface) -> list[float]:
+    return sharp_angles(speeds, surface.peak_force_n[:, 0], surface.peak_x_m[:, 0])
+
+
+def _curves(welds: list[Variant], speeds: Real, surfaces: list[Surface]) -> Picture:
+    figure = new_figure(7.0, 6.0)
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
+    for weld, surface, colour in zip(welds, surfaces, COLOURS, strict=False):
+        force = surface.peak_force_n[:, 0] / 1e3
+        above.plot(speeds, force, color=colour, label=weld.label)
+        below.plot(speeds, surface.peak_x_m[:, 0] * 1e3, ".", markersize=3, color=colour)
+        maxima = _features(speeds, surface).maxima[:1]
+        above.plot([m.speed_kmh for m in maxima], [m.force_n / 1e3 for m in maxima], "o", color=colour)
+        angles = _angles(speeds, surface)
+        above.plot(angles, np.interp(angles, speeds, force), "v", color=colour, fillstyle="none", markersize=8)
+    above.plot([], [], "o", color=GREY, label="first maximum")
+    above.plot([], [], "v", color=GREY, fillstyle="none", markersize=8, label="sharp angle")
+    above.set(ylabel="peak force, kN")
+    below.set(xlabel="speed, km/h", ylabel="peak behind centre, mm")
+    figure.legend(loc="outside upper center", ncols=2, frameon=False)
+    return Picture(
+        "length-curves", "Peak force over a weld and one twice as long",
+        "Above: over a dip the force rises to a first maximum (dot), falls, and rises again; over one twice as long it "
+        "does so at about twice the speed. Below: where the peak lies. It jumps at the sharp angles (triangles), where "
+        "another peak takes the lead.",
+        figure,
+    )  # fmt: skip
+
+
+def _stretched(welds: list[Variant], speeds: Real, surfaces: list[Surface]) -> Picture:
+    figure = new_figure(7.0, 3.6)
+    axes = figure.subplots()
+    for weld, surface, colour, scale in zip(welds, surfaces, COLOURS, (1, 2), strict=False):
+        shown = (speeds >= scale * speeds[0]) & (speeds <= scale * speeds[-1] / 2)
+        force = surface.peak_force_n[shown, 0] / 1e3
+        axes.plot(speeds[shown] / scale, force, ("-", "--")[scale - 1], color=colour, label=weld.label)
+    axes.set(xlabel="speed, km/h (of the longer weld: half its speed)", ylabel="peak force, kN")
+    figure.legend(loc="outside upper center", ncols=2, frameon=False)
+    return Picture(
+        "length-stretched", "Both curves over speed per length",
+        "The longer weld's curve is drawn at half its speed. As far as it covers the shorter one's, what decides is "
+        "the time that the wheel takes over the weld.", figure,
+    )  # fmt: skip
+
+
+def _parting(weld: Variant, histories: list[History]) -> Picture:
+    figure = new_figure(7.0, 6.2)
+    panels = figure.subplots(len(histories) + 1, 1, sharex=True, height_ratios=[1.0, *[2.0] * len(histories)])
+    first_m, last_m = weld.trajectory.uneven_m
+    shown_m = (first_m - 0.02, last_m + _BEHIND_M)
+    highest = max(float(passage.force_n.max()) for passage in histories) / 1e3
+    lowest = min(float(passage.force_n.min()) for passage in histories) / 1e3
+    for axes, passage, speed in zip(panels[1:], histories, _PARTING_KMH, strict=True):
+        axes.plot(passage.x_m * 1e3, passage.force_n / 1e3, color=COLOURS[0])
+        axes.set(ylim=(lowest - 2, highest + 2))
+        axes.text(0.99, 0.9, f"{speed:g} km/h", transform=axes.transAxes, ha="right", va="top")
+    panels[0].plot(histories[0].x_m * 1e3, histories[0].irregularity_m * 1e6, color=GREY)
+    panels[0].set(ylabel="wheel\npath, μm", xlim=(shown_m[0] * 1e3, shown_m[1] * 1e3))
+    figure.supylabel("contact force, kN", fontsize="medium")
+    panels[-1].set(xlabel="distance behind the weld's centre, mm")
+    return Picture(
+        "length-parting", f"How the peak parts: {weld.label}",
+        "The force while the wheel rolls over the weld (top: the wheel centre's way). With speed the peak parts into "
+        "one that stays with the weld and one that moves in the running direction.", figure,
+    )  # fmt: skip
+
+
+def _measured(lab: Laboratory, speeds: Real, surfaces: list[Surface]) -> Measured:
+    features = [_features(speeds, surface) for surface in surfaces]
+    angles = [[*_angles(speeds, surface), np.nan, np.nan] for surface in surfaces]
+    maxima_kmh = [passages.first_maximum(feature)[0] for feature in features]
+    hollows = [passages.hollow_after_maximum(feature) for feature in features]
+    short, long = (surface.peak_force_n[:, 0] for surface in surfaces)
+    stretched = np.interp(2 * _SHAPE_KMH, speeds, long)
+    measured: Measured = {
+        "length.first_maximum_ratio": float(maxima_kmh[1] / maxima_kmh[0]),
+        "length.fall_after_maximum_n": [hollow.depth_n if hollow else np.nan for hollow in hollows],
+        "length.shape_correlation": float(np.corrcoef(np.interp(_SHAPE_KMH, speeds, short), stretched)[0, 1]),
+    }
+    for length_mm, maximum_kmh, crossed in zip(_LENGTHS_MM, maxima_kmh, angles, strict=True):
+        measured[f"length.first_maximum_{length_mm}mm_kmh"] = float(maximum_kmh)
+        measured[f"length.first_sharp_angle_{length_mm}mm_kmh"] = float(crossed[0])
+        measured[f"length.second_sharp_angle_{length_mm}mm_kmh"] = float(crossed[1])
+    return measured | _peaks_at_the_angle(lab, records.place_at(speeds, surfaces[0], maxima_kmh[0]))
+
+
+def _peaks_at_the_angle(lab: Laboratory, leading_m: float) -> Measured:
+    rig = lab.rig(CONTINUOUS)
+    history = rig.history(variants.by_length(lab)[0].trajectory, _ANGLE_KMH, 0.0)
+    first, second = passages.two_highest(passages.split_peaks(history, rig.wheel.static_load_n, leading_m))
+    return {
+        "length.first_peak_place_74kmh_mm": first.x_m * 1e3,
+        "length.peak_separation_74kmh_mm": (second.x_m - first.x_m) * 1e3,
+    }

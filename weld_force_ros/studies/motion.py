@@ -1,0 +1,194 @@
+"""Study `motion`: force, wheel and rail while a wheel rolls over a weld (Fig. 12)."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from weld_force_ros.core.passage import History
+from weld_force_ros.core.track import Real
+from weld_force_ros.report import new_figure
+from weld_force_ros.studies.laboratory import BILBAO, WELDS, Investigation, Laboratory, Measured, Picture, as_columns
+from weld_force_ros.studies.passages import SmoothRail
+from weld_force_ros.studies.style import COLOURS, mark_sleepers
+from weld_force_ros.studies.tables import Column, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SPEEDS_KMH = {"O": 20.0, "A": 55.0, "B": 80.0, "C": 150.0, "D": 170.0, "E": 200.0}
+POSITION_M = 0.15
+_WELD_5_POSITION_M, _WELD_5_SPEED_KMH = 0.30, 100.0
+_HALF_WELD_M = 0.5  # a straightedge of a metre, its positions from the start
+_RAMP_M, _CENTRAL_M = (0.10, 0.30), (0.35, 0.65)
+_SHOWN_M = 0.6
+_EVERY = 4  # points of the 0.25 mm grid, in the table
+_RAIL, _WHEEL, _GEOMETRY = COLOURS[0], COLOURS[1], COLOURS[6]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A passage beside that over smooth rail at the same speed, each (n,).
+
+    Attributes:
+        x_m: from the weld's centre, which lies `position_m` after a sleeper.
+        force_n: contact force.
+        wheel_m: displacement, positive up, less that over smooth rail.
+        surface_m: the same of the rail's surface under the wheel: rail displacement and the weld's height.
+        height_m: of the weld, as the wheel's centre sees it.
+    """
+
+    x_m: Real
+    force_n: Real
+    wheel_m: Real
+    surface_m: Real
+    height_m: Real
+
+    def on(self, first_m: float, last_m: float) -> "Motion":
+        """The part between two distances from the weld's centre."""
+        part = (self.x_m >= first_m - 1e-9) & (self.x_m <= last_m + 1e-9)
+        return Motion(*(column[part] for column in self.columns))
+
+    @property
+    def columns(self) -> tuple[Real, ...]:
+        """The fields in their order."""
+        return self.x_m, self.force_n, self.wheel_m, self.surface_m, self.height_m
+
+    @property
+    def peak_x_m(self) -> float:
+        """Place of the largest force."""
+        return float(self.x_m[np.argmax(self.force_n)])
+
+
+def run(lab: Laboratory) -> Investigation:
+    """Six speeds over one weld, and one passage over a weld with a protrusion."""
+    (weld,) = lab.welds(WELDS[0])
+    motions = {speed: moving(lab, weld, speed, POSITION_M) for speed in SPEEDS_KMH.values()}
+    pictures = [
+        Picture(
+            "wheel-and-rail", f"Wheel and rail over {weld}",
+            "Left: contact force, and the weld's height (dotted, scaled to the panel). Right: displacements of the "
+            "wheel and of the rail's surface under it, less those over smooth rail, with the weld's height (dotted). "
+            f"The weld is centred {POSITION_M * 100:g} cm after a sleeper (dashed).", _draw(lab, motions),
+        )
+    ]  # fmt: skip
+    measured: Measured = {}
+    if lab.own_weld is None:
+        fifth = moving(lab, WELDS[4], _WELD_5_SPEED_KMH, _WELD_5_POSITION_M)
+        pictures.append(_fifth_picture(lab, fifth))
+        if lab.papers:
+            measured = _measured(lab, motions) | _measured_fifth(lab, fifth)
+    columns = (
+        Column("speed_kmh", "km/h", 0), Column("x_m", "m", 4), Column("force_n", "N", 0),
+        Column("wheel_less_smooth_m", "wheel m", 6), Column("rail_surface_less_smooth_m", "rail surface m", 6),
+        Column("weld_height_m", "height m", 6),
+    )  # fmt: skip
+    rows = [
+        (speed, *row) for speed, m in motions.items() for row in as_columns(*(column[::_EVERY] for column in m.columns))
+    ]
+    table = Table(f"Wheel and rail over {weld}; x from its centre", columns, rows)
+    return Investigation("motion", "Motion of wheel and rail", pictures, {"motion": table}, measured)
+
+
+def moving(lab: Laboratory, weld: str, speed_kmh: float, position_m: float) -> Motion:
+    """One passage, from 60 cm before the weld's centre to 60 cm behind it."""
+    history: History = lab.history(weld, BILBAO, speed_kmh, position_m)
+    smooth = SmoothRail(lab, BILBAO, speed_kmh)
+    return Motion(
+        x_m=history.x_m - position_m,
+        force_n=history.force_n,
+        wheel_m=history.wheel_m - smooth.wheel_m(history.x_m),
+        surface_m=history.rail_m + history.irregularity_m - smooth.rail_m(history.x_m),
+        height_m=history.irregularity_m,
+    ).on(-_SHOWN_M, _SHOWN_M)
+
+
+def _draw(lab: Laboratory, motions: dict[float, Motion]) -> "Figure":
+    figure, span_m = new_figure(7.0, 9.0), lab.track(BILBAO).track.spacing_m
+    panels = figure.subplots(len(motions), 2, sharex=True, sharey="col")
+    for (left, right), (letter, speed) in zip(panels, SPEEDS_KMH.items(), strict=True):
+        motion = motions[speed]
+        _draw_force(left, motion, POSITION_M)
+        left.set_ylabel(f"{letter}: {speed:g} km/h\nkN")
+        x_cm = (motion.x_m + POSITION_M) * 100
+        right.plot(x_cm, motion.height_m * 1e6, color=_GEOMETRY, linewidth=0.9, linestyle=":")
+        right.plot(x_cm, motion.wheel_m * 1e6, color=_WHEEL)
+        right.plot(x_cm, motion.surface_m * 1e6, color=_RAIL, linestyle="-.")
+        right.set_ylabel("µm")
+        for axes in (left, right):
+            mark_sleepers(axes, span_m, 2 * span_m)
+            axes.set_xlim((POSITION_M - _HALF_WELD_M) * 100, (POSITION_M + _HALF_WELD_M) * 100)
+    panels[0, 0].set_title("contact force", fontsize=10)
+    panels[0, 1].set_title("displacement", fontsize=10)
+    figure.supxlabel("distance from the sleeper before the weld, cm", fontsize=10)
+    names = ("weld", "wheel", "rail's surface")
+    figure.legend(panels[0, 1].lines[:3], names, loc="outside upper center", ncols=3, frameon=False)
+    return figure
+
+
+def _draw_force(axes: "Axes", motion: Motion, position_m: float) -> None:
+    x_cm = (motion.x_m + position_m) * 100
+    axes.plot(x_cm, motion.force_n / 1e3, color=COLOURS[2])
+    behind = axes.twinx()
+    behind.plot(x_cm, motion.height_m * 1e6, color=_GEOMETRY, linewidth=0.9, linestyle=":")
+    behind.set_yticks([])
+
+
+def _fifth_picture(lab: Laboratory, motion: Motion) -> Picture:
+    figure, span_m = new_figure(7.0, 3.2), lab.track(BILBAO).track.spacing_m
+    axes = figure.subplots()
+    _draw_force(axes, motion, _WELD_5_POSITION_M)
+    mark_sleepers(axes, span_m, 2 * span_m)
+    axes.set(xlabel="distance from the sleeper before the weld, cm", ylabel="contact force, kN", xlim=(-25, 85))
+    caption = (
+        f"Contact force over {WELDS[4]} (dotted, not to scale) at {_WELD_5_SPEED_KMH:g} km/h, its centre "
+        f"{_WELD_5_POSITION_M * 100:g} cm after a sleeper (dashed): a peak on the ramp, unloading, and what follows."
+    )
+    return Picture("protrusion", "Force over a ramp and what follows", caption, figure)
+
+
+def _measured(lab: Laboratory, motions: dict[float, Motion]) -> Measured:
+    static_n = lab.track(BILBAO).wheel.static_load_n
+    profile = lab.weld(WELDS[0])
+    depth_m = -min(profile.z_m)
+    welds = [motion.on(-_HALF_WELD_M, _HALF_WELD_M) for motion in motions.values()]
+    wheel = [-float(weld.wheel_m.min()) / depth_m for weld in welds]
+    rail = [-float(weld.surface_m.min()) / depth_m for weld in welds]
+    slope = CubicSpline(profile.x_m, profile.z_m).derivative()
+    peak_m = motions[55].peak_x_m
+    behind = motions[170].on(-0.100, 0.200)
+    lowest_m = float(behind.x_m[np.argmin(behind.surface_m)])
+    rise = motions[170].on(lowest_m, lowest_m + 0.100)
+    return {
+        "motion.dynamic_share_20kmh": (float(motions[20].force_n.max()) - static_n) / static_n,
+        "motion.wheel_descent": wheel,
+        "motion.rail_descent": rail,
+        "motion.wheel_descent_20kmh": wheel[0],
+        "motion.wheel_descent_200kmh": wheel[-1],
+        "motion.wheel_descent_falls": bool(np.all(np.diff(wheel) < 0)),
+        "motion.rail_descent_falls": bool(np.all(np.diff(rail) < 0)),
+        "motion.peak_slope_55kmh": float(slope(peak_m)),
+        "motion.peak_to_inflection_55kmh_mm": 1e3 * (peak_m - _nearest_inflection(slope, peak_m)),
+        "motion.peak_shift_55_to_80kmh_mm": 1e3 * (motions[80].peak_x_m - peak_m),
+        "motion.rail_rise_start_170kmh_mm": 1e3 * lowest_m,
+        "motion.wheel_over_rail_range_170kmh": float(np.ptp(rise.wheel_m) / np.ptp(rise.surface_m)),
+    }
+
+
+def _nearest_inflection(slope: CubicSpline, x_m: float) -> float:
+    """The nearest place where curvature changes its sign while the height rises; NaN if there is none."""
+    places = np.asarray(slope.derivative().roots(extrapolate=False))
+    rising = places[slope(places) > 0]
+    return float(rising[np.argmin(np.abs(rising - x_m))]) if len(rising) else np.nan
+
+
+def _measured_fifth(lab: Laboratory, motion: Motion) -> Measured:
+    static_n = lab.track(BILBAO).wheel.static_load_n
+    ramp, central = (motion.on(a - _HALF_WELD_M, b - _HALF_WELD_M) for a, b in (_RAMP_M, _CENTRAL_M))
+    first, second = float(ramp.force_n.max()) - static_n, float(central.force_n.max()) - static_n
+    return {
+        "motion.weld_5_least_after_ramp_n": float(motion.on(ramp.peak_x_m, 0.0).force_n.min()),
+        "motion.weld_5_second_over_first": second / first,
+    }

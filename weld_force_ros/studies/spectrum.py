@@ -1,0 +1,166 @@
+"""Study `spectrum`: the weld gives the force its frequencies, the track their strength (Figs. 5, 25, 26)."""
+
+import numpy as np
+
+from weld_force_ros import fits
+from weld_force_ros.core import track as tracks
+from weld_force_ros.core.spectra import (
+    CUT_HZ,
+    SpectralPeak,
+    Spectrum,
+    resonances_hz,
+    spectral_peaks,
+    wheelset_track_receptance,
+)
+from weld_force_ros.core.track import Complex, Real
+from weld_force_ros.studies import records
+from weld_force_ros.studies.laboratory import (
+    BILBAO,
+    CONTINUOUS,
+    DIP_48,
+    WELDS,
+    Investigation,
+    Laboratory,
+    Measured,
+    as_columns,
+)
+from weld_force_ros.studies.spectrum_figures import Excitation, dip_picture, receptance_picture, weld_pictures
+from weld_force_ros.studies.tables import Cell, Column, Table
+
+SPEEDS_KMH = (55.0, 120.0, 145.0, 220.0)
+DIP_KMH = 120.0
+_FREQUENCIES_HZ = np.arange(10.0, 1500.5, 1.0)
+_FIG_5_SPANS = np.array([32, 40, 44, 52, 60]) / 60  # where the paper's Fig. 5 looks, of a span of 60 cm
+_SHOWN_HZ = 2000.0
+_EVERY = 8  # the record's own resolution, of which the spectrum has eight times as many
+_WEIGHTY = 0.1  # of the largest amplitude
+_NEAR = 0.1  # of a frequency
+_SHORT_M = 0.4  # wavelengths below it tell how the weld's own peaks move
+
+
+def run(lab: Laboratory) -> Investigation:
+    """Receptances of the track and of the wheelset on it; spectra of the force and of the weld."""
+    receptances = _receptances(lab)
+    weld = lab.welds(WELDS[0])[0]
+    excitations = [_excitation(lab, weld, speed) for speed in SPEEDS_KMH]
+    over_dip = [_excitation(lab, DIP_48, DIP_KMH)] if lab.own_weld is None else []
+    wheelset = (_FREQUENCIES_HZ, np.abs(receptances["wheelset_track"][0]))
+    sections_m = _FIG_5_SPANS * lab.track(BILBAO).track.spacing_m
+    where = "continuous support" if lab.track(CONTINUOUS).track.continuous else "over a sleeper"
+    pictures = [
+        receptance_picture(_FREQUENCIES_HZ, receptances, sections_m, where),
+        *weld_pictures(weld, excitations, wheelset),
+        *(dip_picture(DIP_48, dip, wheelset, CUT_HZ) for dip in over_dip),
+    ]
+    tables = {"receptance": _receptance_table(receptances), "spectra": _spectra_table([*excitations, *over_dip])}
+    measured = _measured(lab, receptances, excitations, over_dip[0]) if lab.papers else {}
+    return Investigation("spectrum", "Wavelengths and resonances", pictures, tables, measured)
+
+
+def _receptances(lab: Laboratory) -> dict[str, Complex]:
+    """Track alone: at the sections of Fig. 5, over the whole span, where the wheel rolls; and with the wheelset."""
+    discrete, continuous = lab.track(BILBAO).track, lab.track(CONTINUOUS)
+    span = tracks.receptance(discrete, _FREQUENCIES_HZ, tracks.sections(discrete, 15))
+    return {
+        "sections": tracks.receptance(discrete, _FREQUENCIES_HZ, _FIG_5_SPANS * discrete.spacing_m),
+        "span_mean": span.mean(axis=0, keepdims=True),
+        "rolled_over": tracks.receptance(continuous.track, _FREQUENCIES_HZ, 0.0),
+        "wheelset_track": wheelset_track_receptance(continuous.track, continuous.wheel, _FREQUENCIES_HZ, 0.0),
+    }
+
+
+def _excitation(lab: Laboratory, weld: str, speed_kmh: float) -> Excitation:
+    passage = records.record(lab.rig(CONTINUOUS), lab.trajectory(weld, CONTINUOUS), speed_kmh)
+    force, irregularity = (of(passage, speed_kmh) for of in (records.force_spectrum, records.irregularity_spectrum))
+    return Excitation(weld, speed_kmh, force, irregularity)
+
+
+def _receptance_table(receptances: dict[str, Complex]) -> Table:
+    names = ("span_mean", "rolled_over", "wheelset_track")
+    return Table(
+        "Magnitude of receptance",
+        (Column("frequency_hz", "Hz", 0), Column("span_mean_m_per_n", "mean over the span, m/N"),
+         Column("rolled_over_m_per_n", "track rolled over, m/N"),
+         Column("wheelset_track_m_per_n", "with the wheelset, m/N")),
+        as_columns(_FREQUENCIES_HZ, *(np.abs(receptances[name][0]) for name in names)),
+    )  # fmt: skip
+
+
+def _spectra_table(excitations: list[Excitation]) -> Table:
+    columns = (
+        Column("weld", "weld"), Column("speed_kmh", "km/h", 0), Column("frequency_hz", "Hz", 1),
+        Column("wavelength_m", "m", 3), Column("force_n", "N", 1), Column("irregularity_m", "m"),
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = []
+    for excitation in excitations:
+        force, irregularity = excitation.force, excitation.irregularity
+        shown = slice(None, int(np.searchsorted(force.frequency_hz, _SHOWN_HZ)), _EVERY)
+        cells = (force.frequency_hz, force.wavelength_m, force.amplitude, irregularity.amplitude)
+        rows += [(excitation.weld, excitation.speed_kmh, *row) for row in as_columns(*(c[shown] for c in cells))]
+    return Table("Spectra of force and irregularity", columns, rows)
+
+
+def _measured(
+    lab: Laboratory, receptances: dict[str, Complex], excitations: list[Excitation], over_dip: Excitation
+) -> Measured:
+    first, second, *_ = [*resonances_hz(_FREQUENCIES_HZ, receptances["wheelset_track"][0]), np.nan, np.nan]
+    dip_first, dip_second = records.first_two_hz(spectral_peaks(over_dip.force, records.CLEAR))
+    return {
+        "spectrum.receptance_first_peak_hz": float(first),
+        "spectrum.receptance_second_peak_hz": float(second),
+        "spectrum.dip_48mm_first_peak_hz": dip_first,
+        "spectrum.dip_48mm_second_peak_hz": dip_second,
+        **_track_alone(lab, receptances),
+        **_weld_1(excitations),
+    }
+
+
+def _track_alone(lab: Laboratory, receptances: dict[str, Complex]) -> Measured:
+    pinned_hz = tracks.pinned_pinned_hz(lab.track(BILBAO).track)
+    ratio = _ratio(receptances["sections"])
+    near_pinned = np.abs(_FREQUENCIES_HZ / pinned_hz - 1) <= _NEAR
+    shared = (_FREQUENCIES_HZ >= 20) & (_FREQUENCIES_HZ <= 800)
+    mean, continuous = (np.abs(receptances[name][0][shared]) for name in ("span_mean", "rolled_over"))
+    return {
+        "spectrum.section_ratio_pinned_pinned": float(ratio[near_pinned].max()),
+        "spectrum.section_ratio_300hz": float(np.interp(300.0, _FREQUENCIES_HZ, ratio)),
+        "spectrum.continuous_difference": float(np.sqrt(np.mean((continuous / mean - 1) ** 2))),
+        "spectrum.rfp_error_bilbao": fits.fitted(lab.track(BILBAO), "rfp").error,
+        "spectrum.rfp_error_continuous": fits.fitted(lab.track(CONTINUOUS), "rfp").error,
+    }
+
+
+def _ratio(sections: Complex) -> Real:
+    magnitude = np.abs(sections)
+    return np.asarray(magnitude.max(axis=0) / magnitude.min(axis=0))
+
+
+def _weld_1(excitations: list[Excitation]) -> Measured:
+    at_55, at_120, at_145, at_220 = (excitation.force for excitation in excitations)
+    short = [records.strongest_hz(e.irregularity, e.speed_kmh / 3.6 / _SHORT_M, np.inf) for e in excitations]
+    return {
+        "spectrum.irregularity_speed_exponent": records.exponent(SPEEDS_KMH, short),
+        "spectrum.force_peak_match_share": _match_share(excitations),
+        "spectrum.force_peak_55kmh_hz": records.strongest_hz(at_55, 0, 150),
+        "spectrum.force_peak_120kmh_hz": records.strongest_hz(at_120, 0, 150),
+        "spectrum.largest_peak_145kmh_hz": records.strongest_hz(at_145, 0, np.inf),
+        "spectrum.force_peak_220kmh_hz": records.strongest_hz(at_220, 150, CUT_HZ),
+    }
+
+
+def _match_share(excitations: list[Excitation]) -> float:
+    """Share of the force's weighty peaks that have one of the weld near them."""
+    met = [
+        any(
+            abs(own.frequency_hz / peak.frequency_hz - 1) <= _NEAR
+            for own in spectral_peaks(e.irregularity, records.CLEAR)
+        )
+        for e in excitations
+        for peak in _weighty(e.force)
+    ]
+    return float(np.mean(met)) if met else float("nan")
+
+
+def _weighty(spectrum: Spectrum) -> list[SpectralPeak]:
+    least = _WEIGHTY * spectrum.amplitude.max()
+    return [peak for peak in spectral_peaks(spectrum, records.CLEAR) if peak.amplitude >= least]

@@ -1,0 +1,124 @@
+"""Study `validation`: the force over wheel flats on the track of Johansson and Nielsen (Figs. 7 and 8).
+
+The measurements, and Pieringer's curves, stand in the paper's figures only; neither is drawn here. What the text says
+about them is: a first maximum near 40 km/h, a minimum near 95 km/h, and growth from there to 300 km/h.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from weld_force_ros.core.curves import Hollow
+from weld_force_ros.core.shapes import cosine_dip
+from weld_force_ros.core.track import Real
+from weld_force_ros.report import GREY, new_figure
+from weld_force_ros.studies.grids import COSINES_M
+from weld_force_ros.studies.laboratory import (
+    FLAT,
+    JOHANSSON_NIELSEN,
+    Investigation,
+    Laboratory,
+    Measured,
+    Picture,
+    as_columns,
+    grid_rows,
+)
+from weld_force_ros.studies.passages import features, first_maximum, hollow_after_maximum
+from weld_force_ros.studies.style import COLOURS
+from weld_force_ros.studies.tables import Column, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_DEEPER = ("wheel-flat-1mm", "wheel-flat-2mm")
+_LENGTH_M, _LONGER_M, _DEPTH_M = 0.100, 0.150, 0.9e-3
+_SAMPLE_M = 0.5e-3
+_TOLD_KMH = (40.0, 95.0)  # of the measurements, in the paper's section 1
+
+
+def run(lab: Laboratory) -> Investigation:
+    """Peak forces over flats up to 300 km/h, everywhere in the span."""
+    speeds = lab.speeds(10, 300, 5)
+    positions = lab.positions(JOHANSSON_NIELSEN)
+    (weld,) = lab.welds(FLAT)
+    peak_n = lab.surface(weld, JOHANSSON_NIELSEN, speeds, positions).peak_force_n
+    pictures = [
+        Picture(
+            "validation-envelope", f"Peak force over {weld}",
+            "The band spans all positions in the sleeper span. Dotted: where the measurements of Johansson and Nielsen "
+            "have their maximum and minimum, as the paper's text tells; their points are in its figure only.",
+            _envelope(speeds, peak_n, weld, _TOLD_KMH if lab.papers else ()),
+        )
+    ]  # fmt: skip
+    tables = {
+        "envelope": Table(
+            f"Peak force over {weld}",
+            (Column("speed_kmh", "km/h", 0), Column("position_m", "m", 3), Column("peak_force_n", "N", 0)),
+            grid_rows(speeds, positions, peak_n),
+        )
+    }
+    if lab.own_weld is None:
+        upper = {name: _upper(lab, _flat(*COSINES_M[name]), speeds, positions) for name in _DEEPER}
+        pictures.append(
+            Picture(
+                "validation-deeper-flats", "Rounded flats of 1 and 2 mm",
+                "Largest peak force of all positions. Flats are cosine dips, the deeper the longer; the paper gives "
+                "neither the exact form nor the forces of Pieringer's flats, so that hers are not drawn.",
+                _deeper_flats(speeds, upper),
+            )
+        )  # fmt: skip
+        columns = (Column("speed_kmh", "km/h", 0), *(Column(f"upper_n_{name}", f"{name}, N", 0) for name in upper))
+        tables["deeper"] = Table("Largest peak force of all positions", columns, as_columns(speeds, *upper.values()))
+    measured = _measured(lab, speeds, positions, peak_n) if lab.papers else {}
+    return Investigation("validation", "Wheel flats", pictures, tables, measured)
+
+
+def _flat(length_m: float, depth_m: float) -> tuple[Real, Real]:
+    x = np.linspace(-length_m / 2, length_m / 2, round(length_m / _SAMPLE_M) + 1)
+    return x, cosine_dip(x, length_m, depth_m)
+
+
+def _upper(lab: Laboratory, flat: tuple[Real, Real], speeds: Real, positions: Real) -> Real:
+    return np.asarray(lab.surface(flat, JOHANSSON_NIELSEN, speeds, positions).peak_force_n.max(axis=1))
+
+
+def _envelope(speeds: Real, peak_n: Real, weld: str, told_kmh: tuple[float, ...]) -> "Figure":
+    figure = new_figure(7.0, 4.0)
+    axes = figure.subplots()
+    lower, upper = peak_n.min(axis=1) / 1e3, peak_n.max(axis=1) / 1e3
+    axes.fill_between(speeds, lower, upper, color=COLOURS[1], alpha=0.35, linewidth=0, label="all positions")
+    axes.plot(speeds, upper, color=COLOURS[1], label=f"largest, {weld}")
+    axes.plot(speeds, lower, color=COLOURS[1], linewidth=0.8, linestyle="--", label="least")
+    for speed in told_kmh:
+        axes.axvline(speed, color=GREY, linewidth=1, linestyle=":")
+    axes.set(xlabel="speed, km/h", ylabel="peak force, kN", xlim=(0, 300), ylim=(0, None))
+    figure.legend(loc="outside upper center", ncols=3, frameon=False)
+    return figure
+
+
+def _deeper_flats(speeds: Real, upper_n: dict[str, Real]) -> "Figure":
+    figure = new_figure(7.0, 3.8)
+    axes = figure.subplots()
+    for (name, upper), colour in zip(upper_n.items(), COLOURS, strict=False):
+        axes.plot(speeds, upper / 1e3, color=colour, label=name)
+    axes.set(xlabel="speed, km/h", ylabel="largest peak force, kN", xlim=(0, 300), ylim=(0, None))
+    figure.legend(loc="outside upper center", ncols=2, frameon=False)
+    return figure
+
+
+def _measured(lab: Laboratory, speeds: Real, positions: Real, peak_n: Real) -> Measured:
+    upper_n = peak_n.max(axis=1)
+    curve = features(speeds, upper_n)
+    speed_kmh, maximum_n = first_maximum(curve)
+    hollow = hollow_after_maximum(curve) or Hollow(np.nan, np.nan, np.nan, np.nan)
+    longer_kmh, shorter_kmh = (
+        first_maximum(features(speeds, _upper(lab, _flat(length_m, _DEPTH_M), speeds, positions[:1])))[0]
+        for length_m in (_LONGER_M, _LENGTH_M)
+    )
+    return {
+        "validation.first_maximum_kmh": speed_kmh,
+        "validation.minimum_kmh": hollow.lowest_kmh,
+        "validation.fall_n": hollow.depth_n,
+        "validation.rise_after_minimum_n": float(upper_n[-1]) - (maximum_n - hollow.depth_n),
+        "validation.first_maximum_shift_longer_kmh": longer_kmh - shorter_kmh,
+    }

@@ -1,0 +1,104 @@
+"""Peak forces over speed and position of a weld, and what is read from them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from weld_force_ros.core.curves import CurveFeatures, SurfaceFeatures, surface_features
+from weld_force_ros.core.surface import Surface
+from weld_force_ros.core.track import Real
+from weld_force_ros.core.weld import wheel_trajectory
+from weld_force_ros.studies.laboratory import BILBAO, WELDS, Laboratory
+from weld_force_ros.studies.passages import SIGNIFICANT, features
+
+SPEEDS_KMH = (20.0, 300.0, 5.0)
+_STRAIGHTEDGE_CENTRE_M = 0.5
+
+
+@dataclass(frozen=True)
+class WeldMap:
+    """Peaks over one weld; arrays over speed and position are (n_speed, n_position)."""
+
+    name: str
+    speeds_kmh: Real
+    positions_m: Real
+    span_m: float
+    static_n: float
+    surface: Surface
+
+    @property
+    def file_name(self) -> str:
+        """The weld's name; a user's weld may have one that no file can have."""
+        return self.name if self.name in WELDS else "own-weld"
+
+    @property
+    def force_n(self) -> Real:
+        """Peak forces."""
+        return self.surface.peak_force_n
+
+    @cached_property
+    def curves(self) -> list[CurveFeatures]:
+        """Of each position."""
+        return [features(self.speeds_kmh, force) for force in self.force_n.T]
+
+    @cached_property
+    def shape(self) -> SurfaceFeatures:
+        """Hollows, best and worst positions."""
+        return surface_features(self.speeds_kmh, self.positions_m, self.force_n, self.span_m, tolerance=SIGNIFICANT)
+
+    @property
+    def place_m(self) -> Real:
+        """Place of the peaks from the straightedge's start."""
+        return np.asarray(self.surface.peak_x_m - self.positions_m + _STRAIGHTEDGE_CENTRE_M)
+
+    def between(self, first_kmh: float, last_kmh: float) -> Real:
+        """Mean over speeds, (n_position,)."""
+        return np.asarray(self.force_n[within(self.speeds_kmh, first_kmh, last_kmh)].mean(axis=0))
+
+    def relative_at(self, position_m: float, first_kmh: float, last_kmh: float) -> float:
+        """Mean force at the nearest position over that of all, in a range of speeds."""
+        mean = self.between(first_kmh, last_kmh)
+        return float(mean[np.argmin(np.abs(self.positions_m - position_m))] / mean.mean())
+
+    def position_spread(self) -> float:
+        """Largest less smallest force over positions, as a share of the mean dynamic force: median over speeds."""
+        force = self.force_n[self.speeds_kmh >= 50]
+        return float(np.median(np.ptp(force, axis=1) / (force.mean(axis=1) - self.static_n)))
+
+
+def within(values: Real, first: float, last: float) -> NDArray[np.bool_]:
+    """Which values lie in a range, ends included."""
+    return np.asarray((values >= first - 1e-9) & (values <= last + 1e-9))
+
+
+def weld_maps(lab: Laboratory, names: Sequence[str], scale: float = 1.0) -> list[WeldMap]:
+    """Maps of welds on the paper's track, heights times `scale`."""
+    speeds, positions, rig = lab.speeds(*SPEEDS_KMH), lab.positions(BILBAO), lab.rig(BILBAO)
+    profiles = [lab.weld(name) for name in names]
+    rolled = [wheel_trajectory(np.array(p.x_m), scale * np.array(p.z_m), rig.wheel.radius_m) for p in profiles]
+    surfaces = rig.surfaces(rolled, speeds, positions)
+    span_m, static_n = rig.model.spacing_m, rig.wheel.static_load_n
+    return [
+        WeldMap(name, speeds, positions, span_m, static_n, surface)
+        for name, surface in zip(names, surfaces, strict=True)
+    ]
+
+
+def standstill(speeds_kmh: Real, force_n: Real, tolerance_n: float) -> float:
+    """Width of the widest speed interval in which the force exceeds that at its beginning by no more than a tolerance.
+
+    It begins at a given speed; its end lies between two where the force is linear.
+    """
+    widths = []
+    for k, speed in enumerate(speeds_kmh):
+        bound = force_n[k] + tolerance_n
+        above = np.flatnonzero(force_n[k:] > bound)
+        end = speeds_kmh[-1]
+        if len(above):
+            rise = slice(k + above[0] - 1, k + above[0] + 1)
+            end = np.interp(bound, force_n[rise], speeds_kmh[rise])
+        widths.append(float(end - speed))
+    return max(widths)
