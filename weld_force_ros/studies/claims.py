@@ -111,7 +111,8 @@ class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tru
     """A statement of the paper in our words; without criteria it cannot be tested.
 
     `geometry` is `exact` if the paper gives all that the statement depends on, `assumed` if the weld's shape is
-    modelled after its words, `none` if it gives too little for any check.
+    modelled after its words, `none` if it gives too little for any check. `if_not` says beforehand what a difference
+    would mean, `found` what explained one afterwards.
     """
 
     id: Annotated[str, Meta(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$")]
@@ -122,6 +123,7 @@ class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tru
     criteria: list[Condition]
     note: _Text
     if_not: _Text | None = None
+    found: _Text | None = None
 
     def problem(self) -> str | None:
         """What the types cannot say and is wrong here; None if all is well."""
@@ -275,7 +277,8 @@ def _why(claim: Claim, verdict: Verdict, missing: Sequence[str], failed: Sequenc
         return f"Not measured: {', '.join(missing)}"
     if verdict == "agrees":
         return "As asked"
-    reasons = [f"Not as asked: {', '.join(_quantity(condition.key) for condition in failed)}", claim.if_not]
+    unmet = ", ".join(_quantity(condition.key) for condition in failed)
+    reasons = [f"Not as asked: {unmet}", claim.if_not, claim.found]
     if claim.geometry == "assumed":
         reasons.append("The shape is assumed, since the paper does not give it")
     return ". ".join(reason.strip().rstrip(".") for reason in reasons if reason)

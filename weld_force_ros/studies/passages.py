@@ -12,7 +12,6 @@ from weld_force_ros.core.track import Real
 from weld_force_ros.studies.laboratory import Laboratory
 
 SIGNIFICANT = 0.02  # of a curve's largest less smallest force: what counts as an extremum or a hollow
-_SPLIT = 0.05  # of the largest dynamic force: what counts as a peak beside another
 _BESIDE_M = (-0.050, 0.200)
 
 
@@ -35,7 +34,7 @@ def hollow_after_maximum(curve: CurveFeatures) -> Hollow | None:
 
 def split_peaks(history: History, static_n: float, leading_m: float) -> list[Peak]:
     """Peaks of a passage from 50 mm before to 200 mm behind a leading peak's place, in the order of their place."""
-    prominence_n = _SPLIT * (float(history.force_n.max()) - static_n)
+    prominence_n = SIGNIFICANT * (float(history.force_n.max()) - static_n)
     first_m, last_m = (leading_m + offset for offset in _BESIDE_M)
     return [p for p in local_peaks(history.x_m, history.force_n, prominence_n) if first_m <= p.x_m <= last_m]
 
