@@ -176,13 +176,13 @@ def test_the_hollow_after_the_maximum_is_not_one_before_it():
     assert hollow_after_maximum(rising) is None
 
 
-def test_peaks_count_beside_the_leading_one_from_a_twentieth_on():
+def test_peaks_count_beside_the_leading_one_from_a_fiftieth_on():
     x = np.arange(-0.5, 0.8, 1e-3)
 
     def bump(centre_m: float, height_n: float) -> np.ndarray:
         return height_n * np.exp(-(((x - centre_m) / 0.01) ** 2))
 
-    force = STATIC_N + bump(0.0, 50e3) + bump(0.1, 80e3) + bump(0.15, 3e3) + bump(0.3, 60e3) + bump(-0.1, 60e3)
+    force = STATIC_N + bump(0.0, 50e3) + bump(0.1, 80e3) + bump(0.15, 1e3) + bump(0.3, 60e3) + bump(-0.1, 60e3)
     history = History(x, force, x, x, x)
     peaks = split_peaks(history, STATIC_N, 0.0)
     assert [peak.x_m for peak in peaks] == pytest.approx([0.0, 0.1], abs=1e-4)

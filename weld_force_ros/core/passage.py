@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +19,8 @@ from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import Trajectory
 from weld_force_ros.core.wheel import Wheel
 from weld_force_ros.errors import InputError, NumericalError
+
+_MOST_REMEMBERED = 64  # speeds, half a megabyte each
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,8 @@ class Rig:
         self.wheel = wheel
         self.roller = Roller(model, wheel)
         self._threads = threads or os.cpu_count() or 1
+        # Histories are asked for at many positions of one speed.
+        self._in_shortest_steps = lru_cache(_MOST_REMEMBERED)(lambda speed_kmh: self.roller.rolling(speed_kmh, 1))
         self._surfaces = SurfaceRoller(self.roller)
 
     def surface(
@@ -116,7 +121,7 @@ class Rig:
         """
         speed_kmh, position_m = float(checked_speeds(speed_kmh)[0]), float(checked_axis("position", position_m)[0])
         roller, span = self.roller, self.model.spacing_m
-        rolling = roller.rolling(speed_kmh, 1)
+        rolling = self._in_shortest_steps(speed_kmh)
         start = roller.start(position_m + trajectory.start_m - span)
         last_m = max(position_m + trajectory.end_m + span, until_m)
         steps = roller.steps(1, last_m - start * roller.grid_m) + 1
@@ -134,7 +139,7 @@ class Rig:
 
     def start(self, trajectory: Trajectory, speed_kmh: float, position_m: float) -> Start:
         """The state in which a passage of `surface` begins, in the kernel's own scaling and its shortest step."""
-        rolling = self.roller.rolling(speed_kmh, 1)
+        rolling = self._in_shortest_steps(speed_kmh)
         first_m, end_m = trajectory.uneven_m
         first = self.roller.start(position_m + first_m)
         state = self.roller.beginning(rolling, first)
