@@ -47,6 +47,16 @@ def test_an_untouched_recording_agrees_in_any_namespace(tmp_path, messages):
     assert [(r.kind, r.differences) for r in results] == [("force_map", ()), ("verdict", ())]
 
 
+def test_welds_of_one_geometry_keep_their_own_line_speeds(tmp_path, messages):
+    settings, limits, profile = messages[:3]
+    slow = msgspec.structs.replace(profile, weld_id="slow", line_speed_kmh=60.0)
+    done = assess(slow, Simulator(settings), limits)
+    assert done.verdict.peak_force_n < messages[5].peak_force_n
+    both = [*messages, slow, done.force_map, done.history, done.verdict]
+    assert differences(recorded(tmp_path, both)) == []
+    assert differences(recorded(tmp_path / "cut", both[:-1])) == ["verdict: no verdict was recorded for this profile"]
+
+
 def test_one_force_changed_by_a_newton_is_found_and_placed(tmp_path, messages):
     peaks = list(messages[3].peak_force_n)
     peaks[2] += 1.0

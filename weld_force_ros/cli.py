@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from weld_force_ros.contract import SimulationSettings
     from weld_force_ros.fits import AnyFit
     from weld_force_ros.replay import Recording
+    from weld_force_ros.what_if import Changed
 
 # Typer's usage errors, whether its click is the package or a copy of its own.
 _UsageError: Any = typer.BadParameter.__base__
@@ -97,7 +98,7 @@ def _demo_picture(recording: "Recording", path: Path) -> Path:
 
     shown = ("weld-1-dip", "weld-4-steep-ramp")
     maps = {m.weld_id: m for m in recording.force_maps}
-    rows = [(recording.profiles[maps[name].profile_sha256], maps[name]) for name in shown if name in maps]
+    rows = [(recording.profiles[name, maps[name].profile_sha256], maps[name]) for name in shown if name in maps]
     report.save(report.compare_maps(rows), path)
     return path
 
@@ -363,6 +364,12 @@ def replay(
     bag: BagPath,
     verify: Annotated[bool, typer.Option("--verify", help="Compare with what was recorded; exit 1 if it differs.")]
     = False,
+    what_if: Annotated[bool, typer.Option("--what-if", help="Under other settings: which verdicts change.")]
+    = False,
+    track: Annotated[str | None, typer.Option(help="With --what-if: another track; the wheel stays.")] = None,
+    speeds: Annotated[str | None, typer.Option(help="With --what-if: other speeds, as in simulate.")] = None,
+    engine: Annotated[str | None, typer.Option(help="With --what-if: another engine.")] = None,
+    limits: Annotated[Path | None, typer.Option(help="With --what-if: another limits file.")] = None,
     json: Json = None,
 ) -> None:  # fmt: skip
     """Compute a recording again, without ROS."""
@@ -371,9 +378,20 @@ def replay(
     from weld_force_ros.replay import read
     from weld_force_ros.replay import replay as replayed
 
+    given = {"track": track, "speeds": speeds, "engine": engine, "limits": limits}
+    if what_if and verify:
+        raise InputError("--verify and --what-if exclude each other", "give one of them")
+    if not what_if and any(value is not None for value in given.values()):
+        raise InputError(
+            f"--{next(name for name, value in given.items() if value is not None)} changes what was recorded",
+            "add --what-if",
+        )
     recording = read(bag)
     if recording.damage:
         terminal.say(f"{bag}: {recording.damage}; replaying what is there")
+    if what_if:
+        _what_if(recording, given, json)
+        return
     results = []
     with json_lines.lines(json) as out, terminal.progress() as bar:
         task = bar.add_task("replaying", total=len(recording.force_maps))
@@ -395,6 +413,44 @@ def replay(
         terminal.say(f"{kind}: {sum(not r.differences for r in of_kind)} of {len(of_kind)} equal")
     if differing:
         raise typer.Exit(1)
+
+
+def _what_if(recording: "Recording", given: dict[str, Any], json: str | None) -> None:
+    from weld_force_ros import terminal
+    from weld_force_ros.what_if import Changed, NotComputed, judged, read_change, what_if
+
+    change = read_change(**given)
+    changed, not_computed = [], []
+    with json_lines.lines(json) as out, terminal.progress() as bar:
+        task = bar.add_task("replaying", total=len(judged(recording)))
+        for result in what_if(recording, change, on_result=lambda: bar.advance(task), on_fit=terminal.say):
+            match result:
+                case Changed():
+                    changed.append(result)
+                    json_lines.write(out, _changed_line(result))
+                case NotComputed():
+                    not_computed.append(result)
+                    json_lines.write(out, result)
+    options = " ".join(f"--{name} {value}" for name, value in given.items() if value is not None)
+    terminal.show_changed(f"What if: {options}", changed)
+    for missing in not_computed:
+        terminal.say(f"NOT COMPUTED {missing.weld_id}: {missing.reason}")
+    terminal.say(
+        f"verdicts that change: {sum(c.decision_changed for c in changed)} of {len(changed)}; "
+        f"not computed: {len(not_computed)}; rejected, as recorded: {len(recording.rejections)}"
+    )
+    if not_computed:
+        raise typer.Exit(1)
+
+
+def _changed_line(changed: "Changed") -> dict[str, Any]:
+    return {
+        "weld_id": changed.weld_id,
+        "decision_changed": changed.decision_changed,
+        "peak_force_change_percent": changed.peak_force_change_percent,
+        "recorded": changed.recorded,
+        "computed": changed.computed,
+    }
 
 
 def _comparison(result: Any) -> dict[str, Any]:

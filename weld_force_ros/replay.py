@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from msgspec.structs import replace
 
 from weld_force_ros.assess import Simulator, judge
 from weld_force_ros.bag import contract_messages, open_bag
@@ -37,11 +38,11 @@ class Replayed:
 
 @dataclass
 class Recording:
-    """What a bag holds of the suite's messages, in log order."""
+    """What a bag holds of the suite's messages, in log order; profiles by weld and hash, as welds may be alike."""
 
     path: Path
     damage: str | None
-    profiles: dict[str, WeldProfile] = field(default_factory=dict)
+    profiles: dict[tuple[str, str], WeldProfile] = field(default_factory=dict)
     settings: dict[str, SimulationSettings] = field(default_factory=dict)
     limits: dict[str, AssessmentSettings] = field(default_factory=dict)
     force_maps: list[ForceMap] = field(default_factory=list)
@@ -61,7 +62,7 @@ def read(path: Path) -> Recording:
     for _, message, _ in contract_messages(bag):
         match message:
             case WeldProfile():
-                recording.profiles[message.profile_sha256] = message
+                recording.profiles[message.weld_id, message.profile_sha256] = message
             case SimulationSettings():
                 recording.settings[message.config_sha256] = message
             case AssessmentSettings():
@@ -102,7 +103,7 @@ def _belongs(verdict: Verdict, force_map: ForceMap) -> bool:
 def _replayed_map(
     recorded: ForceMap, recording: Recording, simulators: dict[str, Simulator]
 ) -> tuple[Replayed, ForceMap | None]:
-    profile = recording.profiles.get(recorded.profile_sha256)
+    profile = recording.profiles.get((recorded.weld_id, recorded.profile_sha256))
     settings = recording.settings.get(recorded.config_sha256)
     if profile is None or settings is None:
         absent = "profile" if profile is None else "simulation settings"
@@ -110,10 +111,21 @@ def _replayed_map(
     try:
         if recorded.config_sha256 not in simulators:
             simulators[recorded.config_sha256] = Simulator(settings)
-        computed = simulators[recorded.config_sha256].force_map(profile)
+        computed = again(recorded, profile, simulators[recorded.config_sha256])
     except WeldForceError as error:
         return Replayed(recorded.weld_id, "force_map", None, (str(error),)), None
     return Replayed(recorded.weld_id, "force_map", computed, tuple(_map_differences(recorded, computed))), computed
+
+
+def again(recorded: ForceMap, profile: WeldProfile, simulator: Simulator) -> ForceMap:
+    """A recorded map computed anew; place and line speed as they were then, whatever was stated of the weld since."""
+    return replace(
+        simulator.force_map(profile),
+        line_speed_kmh=recorded.line_speed_kmh,
+        weld_position_m=recorded.weld_position_m,
+        chainage_m=recorded.chainage_m,
+        rail=recorded.rail,
+    )
 
 
 def _map_differences(recorded: ForceMap, computed: ForceMap) -> Iterator[str]:
@@ -162,9 +174,9 @@ def _missing(recording: Recording) -> Iterator[Replayed]:
     mapped = {(m.weld_id, m.profile_sha256) for m in recording.force_maps}
     judged = {(v.weld_id, v.profile_sha256) for v in recording.verdicts}
     refused = {r.profile_sha256 for r in recording.rejections if isinstance(r.profile_sha256, str)}
-    for sha256, profile in recording.profiles.items():
-        if sha256 not in refused and (profile.weld_id, sha256) not in judged:
-            yield Replayed(profile.weld_id, "verdict", None, ("no verdict was recorded for this profile",))
+    for weld_id, sha256 in recording.profiles:
+        if sha256 not in refused and (weld_id, sha256) not in judged:
+            yield Replayed(weld_id, "verdict", None, ("no verdict was recorded for this profile",))
     for weld_id, _ in sorted(judged - mapped):
         yield Replayed(weld_id, "verdict", None, ("no force map was recorded for this verdict",))
     for error in recording.unreadable:

@@ -1,7 +1,9 @@
 """Tables and progress for people, always on standard error: standard output is for machines."""
 
 import sys
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -10,6 +12,9 @@ from rich.text import Text
 
 from weld_force_ros.contract import ForceMap, Limit, Rejection, Verdict
 from weld_force_ros.studies.tables import Table
+
+if TYPE_CHECKING:
+    from weld_force_ros.what_if import Changed
 
 # Piped into a file, tables keep a width that people can read.
 console = Console(stderr=True, highlight=False, width=None if sys.stderr.isatty() else 120)
@@ -100,7 +105,7 @@ def show_verdicts(verdicts: Iterable[Verdict], rejections: Iterable[Rejection] =
         failed = ", ".join(c.name for c in verdict.criteria if not c.passed)
         rows.append(
             (
-                Text(verdict.decision.upper(), style=f"bold {_COLOURS[verdict.decision]}"),
+                _decision(verdict),
                 verdict.weld_id,
                 f"{verdict.peak_force_n / 1e3:.0f}",
                 f"{verdict.peak_force_n / verdict.static_load_n:.2f}",
@@ -120,6 +125,51 @@ def show_verdicts(verdicts: Iterable[Verdict], rejections: Iterable[Rejection] =
         ],
         rows,
     )  # fmt: skip
+
+
+def show_changed(title: str, changed: Iterable["Changed"]) -> None:
+    """One line a verdict, recorded and under other settings; those whose decision changes first.
+
+    Several verdicts on one weld are numbered as they were recorded.
+    """
+    rows = []
+    for name, one in sorted(_numbered(list(changed)), key=lambda named: not named[1].decision_changed):
+        was, now = one.recorded, one.computed
+        rows.append(
+            (
+                Text("CHANGED" if one.decision_changed else "", style="bold"),
+                name,
+                _decisions(was, now) if one.decision_changed else _decision(now),
+                f"{was.peak_force_n / 1e3:.0f} → {now.peak_force_n / 1e3:.0f}",
+                f"{one.peak_force_change_percent:+.1f}",
+                f"{was.worst_speed_kmh:g} → {now.worst_speed_kmh:g}",
+                f"{was.worst_position_m * 100:.0f} → {now.worst_position_m * 100:.0f}",
+            )
+        )
+    table(
+        title,
+        [
+            ("", ""), ("weld", ""), ("decision", ""), ("peak kN", "right"), ("%", "right"), ("at km/h", "right"),
+            ("cm after sleeper", "right"),
+        ],
+        rows,
+    )  # fmt: skip
+
+
+def _numbered(changed: list["Changed"]) -> Iterator[tuple[str, "Changed"]]:
+    verdicts_on = Counter(one.weld_id for one in changed)
+    so_far: Counter[str] = Counter()
+    for one in changed:
+        so_far[one.weld_id] += 1
+        yield one.weld_id + (f" ({so_far[one.weld_id]})" if verdicts_on[one.weld_id] > 1 else ""), one
+
+
+def _decision(verdict: Verdict) -> Text:
+    return Text(verdict.decision.upper(), style=f"bold {_COLOURS[verdict.decision]}")
+
+
+def _decisions(was: Verdict, now: Verdict) -> Text:
+    return Text.assemble(_decision(was), " → ", _decision(now))
 
 
 def show_limits(limits: Iterable[Limit]) -> None:

@@ -122,5 +122,5 @@ def _finer(stride: int, results: Real) -> NDArray[np.int64]:
     """The stride that results (..., 6) ask for, as the error goes with its square; 0 where they are good enough."""
     excess = _ESTIMATE * results[..., 4] / (TOLERANCE * results[..., 0])
     good = ~(excess > 1) | (stride == 1)
-    halvings = np.ceil(0.5 * np.log2(np.where(good, 1.0, excess))).astype(np.int64)
-    return np.where(good, 0, np.maximum(1, stride >> halvings))
+    halvings = np.ceil(0.5 * np.log2(np.where(good, 1.0, excess)))
+    return np.where(good, 0, np.maximum(1, stride // 2**halvings)).astype(np.int64)
