@@ -9,6 +9,7 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from weld_force_ros import cli_study, profiles
+from weld_force_ros.cli import main
 from weld_force_ros.studies import claims, paper
 from weld_force_ros.studies.laboratory import Laboratory
 
@@ -58,6 +59,22 @@ def test_the_gallery_is_one_page_that_loads_nothing(everything: tuple[Path, Resu
 def test_the_command_lists_the_studies_that_there_are():
     names = [command.name for command in cli_study.app.registered_commands]
     assert names == [*paper.STUDIES, "all", "engines"]
+
+
+@pytest.mark.parametrize("study", ["all", "curve"])
+def test_a_folder_that_cannot_be_made_is_one_line_before_anything_is_computed(study, tmp_path, capfd, monkeypatch):
+    monkeypatch.setattr(paper, "investigate", None)
+    (tmp_path / "file").write_text("")
+    assert main(["study", study, "--out", str(tmp_path / "file" / "out")]) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert "--out" in line
+
+
+def test_what_fails_in_another_process_is_one_line(tmp_path, capfd):
+    (tmp_path / "smooth").write_text("")  # where a study's folder belongs
+    assert main(["study", "all", "--quick", "--out", str(tmp_path)]) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert str(tmp_path / "smooth") in line
 
 
 def test_a_weld_of_the_users_own_is_studied_and_not_held_against_the_paper(tmp_path: Path):

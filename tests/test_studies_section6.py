@@ -5,6 +5,7 @@ import math
 import re
 from collections.abc import Iterator
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -19,6 +20,7 @@ from weld_force_ros.studies.laboratory import BILBAO, CONTINUOUS, Investigation,
 STUDIES = ("length", "hertz", "spectrum", "bands")
 UNITS = ("_kmh", "_m", "_n", "_hz", "_m_per_n", "_gn_per_m15")
 WITHOUT_UNIT = ("weld",)
+OWN = r"km 12/3, $\rail_{"  # neither a file's name nor a formula
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +31,8 @@ def papers() -> dict[str, Investigation]:
 
 @pytest.fixture(scope="module")
 def own() -> Laboratory:
-    return Laboratory(own_weld=profiles.read_profile(profiles.find("weld-4-steep-ramp")), coarse=True)
+    weld = profiles.read_profile(profiles.find("weld-4-steep-ramp"))
+    return Laboratory(own_weld=msgspec.structs.replace(weld, weld_id=OWN), coarse=True)
 
 
 @pytest.fixture(scope="module")
@@ -75,10 +78,12 @@ def test_figures_have_units_on_their_axes_and_a_caption(name, papers):
 def test_an_own_weld_is_shown_and_nothing_is_said_about_the_paper(name, own):
     study = importlib.import_module(f"weld_force_ros.studies.{name}").run(own)
     assert study.pictures
+    for picture in study.pictures:
+        picture.figure.draw_without_rendering()
     assert not study.measured
     welds = {row[0] for table in study.tables.values() if table.columns[0].name == "weld" for row in table.rows}
     assert welds
-    assert all(str(weld).startswith("weld-4-steep-ramp") for weld in welds)
+    assert all(str(weld).startswith(OWN) for weld in welds)
 
 
 # Figures of the paper, section 6.1, to what a speed grid of 3 km/h resolves.

@@ -14,9 +14,12 @@ class InputError(WeldForceError):
     """
 
     def __init__(self, reason: str, remedy: str) -> None:
-        super().__init__(f"{reason}; {remedy}")
+        super().__init__(reason, remedy)  # both, so that it passes from one process to another
         self.reason = reason
         self.remedy = remedy
+
+    def __str__(self) -> str:
+        return f"{self.reason}; {self.remedy}"
 
 
 class ProfileError(InputError):

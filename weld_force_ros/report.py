@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 # Okabe and Ito's colours, told apart by the colour-blind and in print.
 BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#666666"
+_LONGEST_NAME = 48
 
 
 def new_figure(width_in: float, height_in: float) -> "Figure":
@@ -28,6 +29,13 @@ def new_figure(width_in: float, height_in: float) -> "Figure":
     except ImportError:
         raise InputError("pictures need matplotlib", "install it with `pip install 'weld_force_ros[report]'`") from None
     return Figure(figsize=(width_in, height_in), layout="constrained")
+
+
+def as_text(name: str) -> str:
+    """A name from outside: matplotlib finds no formula in it, and a long one gives up its middle to fit."""
+    half = _LONGEST_NAME // 2
+    shown = name if len(name) <= _LONGEST_NAME else f"{name[:half]}…{name[-half:]}"
+    return shown.replace("$", r"\$")
 
 
 def save(figure: "Figure", path: Path) -> None:
@@ -53,7 +61,7 @@ def compare_maps(rows: Sequence[tuple[WeldProfile, ForceMap]]) -> "Figure":
     for (profile, force_map), (above, below) in zip(rows, axes.T, strict=True):
         _draw_profile(above, profile)
         image = _draw_map(below, force_map, lowest, highest)
-        above.set_title(profile.weld_id, fontweight="bold")
+        above.set_title(as_text(profile.weld_id), fontweight="bold")
     figure.colorbar(image, ax=axes[1, :], label="peak force, kN", shrink=0.95)
     return figure
 
@@ -68,7 +76,7 @@ def one_weld(profile: WeldProfile, force_map: ForceMap, history: ForceHistory) -
     figure.colorbar(image, ax=top_right, label="peak force, kN")
     _draw_curve(bottom_left, force_map)
     _draw_history(bottom_right, history)
-    figure.suptitle(f"{profile.weld_id} on {force_map.track} ({force_map.engine})", fontweight="bold")
+    figure.suptitle(as_text(f"{profile.weld_id} on {force_map.track} ({force_map.engine})"), fontweight="bold")
     return figure
 
 

@@ -125,16 +125,6 @@ def wheelset_track_receptance(track: Track, wheel: Wheel, frequency_hz: ArrayLik
     return np.asarray(1 / (1 / receptance(track, frequency_hz, at_m) - wheel.mass_kg * omega**2))
 
 
-def force_per_irregularity(track: Track, wheel: Wheel, frequency_hz: ArrayLike, at_m: ArrayLike) -> Complex:
-    """Contact force that a harmonic irregularity causes, 1 / (h + 1/k_H - 1/(M w^2)), N/m, shape (n_at, n_frequency).
-
-    Its peaks lie where the irregularity's wavelengths raise most force: somewhat beside the receptance's, as the
-    contact spring takes part. Arguments as in `wheelset_track_receptance`.
-    """
-    omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
-    return np.asarray(1 / (receptance(track, frequency_hz, at_m) + wheel.compliance(omega)))
-
-
 def resonances_hz(frequency_hz: ArrayLike, response: ArrayLike, prominence_db: float = 0.01) -> list[float]:
     """Frequencies of the local maxima of a response's level, refined by a parabola.
 

@@ -7,7 +7,7 @@ from weld_force_ros.core.passage import History
 from weld_force_ros.core.spectra import CUT_HZ, Bands, Spectrum
 from weld_force_ros.core.surface import Surface
 from weld_force_ros.core.track import Real
-from weld_force_ros.report import BLUE, GREEN, GREY, RED, new_figure
+from weld_force_ros.report import BLUE, GREEN, GREY, RED, as_text, new_figure
 from weld_force_ros.studies.laboratory import Picture
 from weld_force_ros.studies.spectrum_figures import mark_frequencies
 from weld_force_ros.studies.style import COLOURS
@@ -60,13 +60,13 @@ def curves(labels: Sequence[str], speeds_kmh: Real, surfaces: Sequence[Surface])
     figure = new_figure(7.0, 3.6)
     axes = figure.subplots()
     for label, surface, colour, style in zip(labels, surfaces, COLOURS, ("-", "--"), strict=False):
-        axes.plot(speeds_kmh, surface.peak_force_n[:, 0] / 1e3, style, color=colour, label=label)
+        axes.plot(speeds_kmh, surface.peak_force_n[:, 0] / 1e3, style, color=colour, label=as_text(label))
     axes.set(xlabel="speed, km/h", ylabel="peak force, kN")
     figure.legend(loc="outside upper center", ncols=2, frameon=False)
     return Picture(
         "bands-curves", "Peak force over a weld and the same upside down",
-        "Over a rise the force keeps growing, nearly along a line. Over a dip it has a maximum and a hollow behind it. "
-        "Which of the two gives less depends on the speed.", figure,
+        "Over a rise, the paper says, the force keeps growing, nearly along a line; over a dip it has a maximum and a "
+        "hollow behind it. Which of the two gives less depends on the speed.", figure,
     )  # fmt: skip
 
 
@@ -86,6 +86,6 @@ def spectra(weld: str, passages: Sequence[Parted]) -> Picture:
     figure.legend(loc="outside upper center", ncols=4, frameon=False)
     return Picture(
         "bands-spectra", f"Spectra of the force about 530 Hz: {weld}",
-        "Below the cut the peaks stay where they are at every speed; above it they move to higher frequencies. "
-        "Amplitudes of the whole record.", figure,
+        "Over a short dip, the paper says, peaks below the cut stay where they are at every speed, and those above it "
+        "move to higher frequencies. Amplitudes of the whole record.", figure,
     )  # fmt: skip

@@ -31,19 +31,28 @@ def write_investigation(found: Investigation, out: Path) -> Shown:
     Raises:
         InputError: the folder cannot be written, or matplotlib is not installed.
     """
-    folder = out / found.name
+    folder = made(out / found.name)
     pictures = []
     for picture in found.pictures:
         for ending in ("svg", "png"):
             save(picture.figure, folder / f"{picture.name}.{ending}")
         pictures.append((picture.title, picture.caption, folder / f"{picture.name}.png"))
+    for name, table in found.tables.items():
+        table.write_csv(folder / f"{name}.csv")
+    return Shown(found.name, found.title, pictures, [f"{found.name}/{name}.csv" for name in found.tables])
+
+
+def made(folder: Path) -> Path:
+    """The folder, which now exists.
+
+    Raises:
+        InputError: it cannot be made.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: {error.strerror or error}", "name a writable folder with --out") from None
-    for name, table in found.tables.items():
-        table.write_csv(folder / f"{name}.csv")
-    return Shown(found.name, found.title, pictures, [f"{found.name}/{name}.csv" for name in found.tables])
+    return folder
 
 
 def write_page(

@@ -105,8 +105,12 @@ def trajectory(shape: str, definition: TrackDefinition) -> Trajectory:
         InputError: there is no such shape.
     """
     if shape in COSINES_M:
-        length, depth = COSINES_M[shape]
-        x = np.linspace(-length / 2, length / 2, round(length / _SAMPLE_M) + 1)
-        return wheel_trajectory(x, cosine_dip(x, length, depth), definition.wheel.radius_m)
+        return wheel_trajectory(*sampled_cosine(*COSINES_M[shape]), definition.wheel.radius_m)
     profile = profiles.read_profile(profiles.find(shape))
     return wheel_trajectory(np.array(profile.x_m), np.array(profile.z_m), definition.wheel.radius_m)
+
+
+def sampled_cosine(length_m: float, depth_m: float) -> tuple[Real, Real]:
+    """Positions and heights of a cosine dip, m, each (n,)."""
+    x = np.linspace(-length_m / 2, length_m / 2, round(length_m / _SAMPLE_M) + 1)
+    return x, cosine_dip(x, length_m, depth_m)

@@ -5,7 +5,7 @@ import numpy as np
 from weld_force_ros.core.curves import sharp_angles
 from weld_force_ros.core.surface import Surface
 from weld_force_ros.core.track import Real
-from weld_force_ros.report import new_figure
+from weld_force_ros.report import as_text, new_figure
 from weld_force_ros.studies import passages, variants
 from weld_force_ros.studies.laboratory import CONTINUOUS, Investigation, Laboratory, Measured, Picture, as_columns
 from weld_force_ros.studies.style import COLOURS
@@ -49,7 +49,7 @@ def _curves(welds: list[Variant], speeds: Real, surfaces: list[list[Surface]]) -
             label = f"{stiffness:g} GN/m$^{{3/2}}$" if axes is panels[0] else None
             axes.plot(speeds, surface.peak_force_n[:, 0] / 1e3, style, color=colour, label=label)
     for axes, weld in zip(panels, welds, strict=True):
-        axes.set(title=weld.label, ylabel="peak force, kN")
+        axes.set(title=as_text(weld.label), ylabel="peak force, kN")
     panels[-1].set(xlabel="speed, km/h")
     figure.legend(loc="outside upper center", ncols=4, frameon=False)
     return Picture(
@@ -65,7 +65,7 @@ def _changes(lab: Laboratory, welds: list[Variant], speeds: Real, surfaces: list
     axes = figure.subplots()
     for weld, soft, stiff, colour in zip(welds, surfaces[0], surfaces[-1], COLOURS, strict=False):
         change = 100 * (stiff.peak_force_n - soft.peak_force_n)[:, 0] / static_n
-        axes.plot(speeds, change, color=colour, label=weld.label)
+        axes.plot(speeds, change, color=colour, label=as_text(weld.label))
     axes.set(xlabel="speed, km/h", ylabel="change of peak force,\n% of static load")
     figure.legend(loc="outside upper center", ncols=2, frameon=False)
     return Picture(

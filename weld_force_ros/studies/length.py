@@ -6,7 +6,7 @@ from weld_force_ros.core.curves import CurveFeatures, sharp_angles
 from weld_force_ros.core.passage import History
 from weld_force_ros.core.surface import Surface
 from weld_force_ros.core.track import Real
-from weld_force_ros.report import GREY, new_figure
+from weld_force_ros.report import GREY, as_text, new_figure
 from weld_force_ros.studies import passages, records, variants
 from weld_force_ros.studies.laboratory import CONTINUOUS, Investigation, Laboratory, Measured, Picture, as_columns
 from weld_force_ros.studies.style import COLOURS
@@ -52,7 +52,7 @@ def _curves(welds: list[Variant], speeds: Real, surfaces: list[Surface]) -> Pict
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
     for weld, surface, colour in zip(welds, surfaces, COLOURS, strict=False):
         force = surface.peak_force_n[:, 0] / 1e3
-        above.plot(speeds, force, color=colour, label=weld.label)
+        above.plot(speeds, force, color=colour, label=as_text(weld.label))
         below.plot(speeds, surface.peak_x_m[:, 0] * 1e3, ".", markersize=3, color=colour)
         maxima = _features(speeds, surface).maxima[:1]
         above.plot([m.speed_kmh for m in maxima], [m.force_n / 1e3 for m in maxima], "o", color=colour)
@@ -65,9 +65,9 @@ def _curves(welds: list[Variant], speeds: Real, surfaces: list[Surface]) -> Pict
     figure.legend(loc="outside upper center", ncols=2, frameon=False)
     return Picture(
         "length-curves", "Peak force over a weld and one twice as long",
-        "Above: over a dip the force rises to a first maximum (dot), falls, and rises again; over one twice as long it "
-        "does so at about twice the speed. Below: where the peak lies. It jumps at the sharp angles (triangles), where "
-        "another peak takes the lead.",
+        "Above: over a dip, the paper says, the force rises to a first maximum (dot), falls, and rises again, and over "
+        "one twice as long it does so at twice the speed. Below: where the peak lies. It jumps at the sharp angles "
+        "(triangles), where another peak takes the lead.",
         figure,
     )  # fmt: skip
 
@@ -78,7 +78,7 @@ def _stretched(welds: list[Variant], speeds: Real, surfaces: list[Surface]) -> P
     for weld, surface, colour, scale in zip(welds, surfaces, COLOURS, (1, 2), strict=False):
         shown = (speeds >= scale * speeds[0]) & (speeds <= scale * speeds[-1] / 2)
         force = surface.peak_force_n[shown, 0] / 1e3
-        axes.plot(speeds[shown] / scale, force, ("-", "--")[scale - 1], color=colour, label=weld.label)
+        axes.plot(speeds[shown] / scale, force, ("-", "--")[scale - 1], color=colour, label=as_text(weld.label))
     axes.set(xlabel="speed, km/h (of the longer weld: half its speed)", ylabel="peak force, kN")
     figure.legend(loc="outside upper center", ncols=2, frameon=False)
     return Picture(

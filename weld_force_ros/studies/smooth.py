@@ -28,8 +28,8 @@ def run(lab: Laboratory) -> Investigation:
     figure.legend(loc="outside upper center", ncols=4, frameon=False)
     picture = Picture(
         "smooth-rail", "Smooth rail",
-        "The force without any weld: it fluctuates about the static load once a sleeper span, and its peak moves in "
-        "the running direction as the speed rises. Dashed: sleepers.", figure,
+        "The force without any weld: it fluctuates about the static load, the same in each sleeper span. Its peak, "
+        "the paper says, moves in the running direction as the speed rises. Dashed: sleepers.", figure,
     )  # fmt: skip
     rows = [
         (speed, *row)

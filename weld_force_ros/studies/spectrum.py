@@ -94,7 +94,7 @@ def _spectra_table(excitations: list[Excitation]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for excitation in excitations:
         force, irregularity = excitation.force, excitation.irregularity
-        shown = slice(None, int(np.searchsorted(force.frequency_hz, _SHOWN_HZ)), _EVERY)
+        shown = slice(_EVERY - 1, int(np.searchsorted(force.frequency_hz, _SHOWN_HZ)), _EVERY)
         cells = (force.frequency_hz, force.wavelength_m, force.amplitude, irregularity.amplitude)
         rows += [(excitation.weld, excitation.speed_kmh, *row) for row in as_columns(*(c[shown] for c in cells))]
     return Table("Spectra of force and irregularity", columns, rows)

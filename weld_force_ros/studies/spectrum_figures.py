@@ -127,6 +127,7 @@ def _draw_relative(
     )
     for label, frequency, values, colour, style in curves:
         inside = (frequency >= shown_hz[0]) & (frequency <= shown_hz[1])
-        axes.plot(frequency[inside], values[inside] / values[inside].max(), style, color=colour, label=label)
+        largest = values[inside].max() or 1.0  # a level weld has no spectrum
+        axes.plot(frequency[inside], values[inside] / largest, style, color=colour, label=label)
     for resonance in resonances_hz(*wheelset):
         axes.axvline(resonance, color=GREY, linewidth=0.8, linestyle=":", zorder=0)

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from weld_force_ros.core.curves import Hollow
-from weld_force_ros.core.shapes import cosine_dip
 from weld_force_ros.core.track import Real
-from weld_force_ros.report import GREY, new_figure
-from weld_force_ros.studies.grids import COSINES_M
+from weld_force_ros.report import GREY, as_text, new_figure
+from weld_force_ros.studies.grids import COSINES_M, sampled_cosine
 from weld_force_ros.studies.laboratory import (
     FLAT,
     JOHANSSON_NIELSEN,
@@ -32,7 +31,6 @@ if TYPE_CHECKING:
 
 _DEEPER = ("wheel-flat-1mm", "wheel-flat-2mm")
 _LENGTH_M, _LONGER_M, _DEPTH_M = 0.100, 0.150, 0.9e-3
-_SAMPLE_M = 0.5e-3
 _TOLD_KMH = (40.0, 95.0)  # of the measurements, in the paper's section 1
 
 
@@ -58,7 +56,7 @@ def run(lab: Laboratory) -> Investigation:
         )
     }
     if lab.own_weld is None:
-        upper = {name: _upper(lab, _flat(*COSINES_M[name]), speeds, positions) for name in _DEEPER}
+        upper = {name: _upper(lab, sampled_cosine(*COSINES_M[name]), speeds, positions) for name in _DEEPER}
         pictures.append(
             Picture(
                 "validation-deeper-flats", "Rounded flats of 1 and 2 mm",
@@ -73,11 +71,6 @@ def run(lab: Laboratory) -> Investigation:
     return Investigation("validation", "Wheel flats", pictures, tables, measured)
 
 
-def _flat(length_m: float, depth_m: float) -> tuple[Real, Real]:
-    x = np.linspace(-length_m / 2, length_m / 2, round(length_m / _SAMPLE_M) + 1)
-    return x, cosine_dip(x, length_m, depth_m)
-
-
 def _upper(lab: Laboratory, flat: tuple[Real, Real], speeds: Real, positions: Real) -> Real:
     return np.asarray(lab.surface(flat, JOHANSSON_NIELSEN, speeds, positions).peak_force_n.max(axis=1))
 
@@ -87,7 +80,7 @@ def _envelope(speeds: Real, peak_n: Real, weld: str, told_kmh: tuple[float, ...]
     axes = figure.subplots()
     lower, upper = peak_n.min(axis=1) / 1e3, peak_n.max(axis=1) / 1e3
     axes.fill_between(speeds, lower, upper, color=COLOURS[1], alpha=0.35, linewidth=0, label="all positions")
-    axes.plot(speeds, upper, color=COLOURS[1], label=f"largest, {weld}")
+    axes.plot(speeds, upper, color=COLOURS[1], label=as_text(f"largest, {weld}"))
     axes.plot(speeds, lower, color=COLOURS[1], linewidth=0.8, linestyle="--", label="least")
     for speed in told_kmh:
         axes.axvline(speed, color=GREY, linewidth=1, linestyle=":")
@@ -112,7 +105,7 @@ def _measured(lab: Laboratory, speeds: Real, positions: Real, peak_n: Real) -> M
     speed_kmh, maximum_n = first_maximum(curve)
     hollow = hollow_after_maximum(curve) or Hollow(np.nan, np.nan, np.nan, np.nan)
     longer_kmh, shorter_kmh = (
-        first_maximum(features(speeds, _upper(lab, _flat(length_m, _DEPTH_M), speeds, positions[:1])))[0]
+        first_maximum(features(speeds, _upper(lab, sampled_cosine(length_m, _DEPTH_M), speeds, positions[:1])))[0]
         for length_m in (_LONGER_M, _LENGTH_M)
     )
     return {
