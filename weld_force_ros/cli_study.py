@@ -78,6 +78,8 @@ def study_all(out: Out, quick: Quick = False, json: Json = None) -> None:
     terminal.show_table(claims.table(studied.judged))
     terminal.show_table(claims.summary(studied.judged))
     _tell(studied.shown, out)
+    if quick:
+        terminal.say(paper.COARSE.strip())
     terminal.say(f"claims:  {out / 'claims.json'}")
     terminal.say(f"gallery: {out / 'gallery.html'}")
 

@@ -126,3 +126,10 @@ def test_peak_that_leads_at_one_speed_only_is_handed_over_half_way():
     force = np.array([1.0, 1.1, 1.2, 1.3, 1.4])
     place = np.array([0.0, 0.0, 0.1, 0.0, 0.0])
     assert sharp_angles(speeds, force, place) == [35.0, 45.0]
+
+
+def test_a_level_curve_has_no_features_however_it_is_rounded():
+    speeds = np.arange(20.0, 120.0, 5.0)
+    rounded = 1e5 + 1e-10 * np.sin(speeds)
+    found = curve_features(speeds, rounded)
+    assert (found.maxima, found.minima, found.hollows, found.monotonic) == ([], [], [], True)

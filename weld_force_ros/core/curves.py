@@ -18,6 +18,7 @@ from weld_force_ros.core.track import Real
 from weld_force_ros.errors import InputError
 
 NEGLIGIBLE = 0.005  # of the largest less the smallest force
+_LEVEL = 1e-9  # of the force: a curve that varies less is constant
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,8 @@ def curve_features(
     """
     speeds, force = _checked(speeds_kmh, peak_n)
     extent = float(np.ptp(force))
+    if extent <= _LEVEL * float(np.abs(force).max()):  # rounding has no extrema
+        return CurveFeatures(maxima=[], minima=[], hollows=[], monotonic=True, linearity=1.0, rise_n_per_kmh=0.0)
     slope, offset = np.polyfit(speeds, force, 1)
     scatter = force - np.mean(force)
     residual = force - (slope * speeds + offset)
@@ -114,7 +117,7 @@ def curve_features(
         minima=[Extremum(e.speed_kmh, -e.force_n) for e in _maxima(speeds, -force, prominence * extent)],
         hollows=hollows,
         monotonic=not hollows,
-        linearity=float(1 - residual @ residual / (scatter @ scatter)) if extent > 0 else 1.0,
+        linearity=float(1 - residual @ residual / (scatter @ scatter)),
         rise_n_per_kmh=float(slope),
     )
 

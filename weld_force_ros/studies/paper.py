@@ -18,6 +18,7 @@ STUDIES = (
     "validation", "map", "curve", "motion", "smooth", "increment", "length", "hertz", "spectrum", "bands", "population",
 )  # fmt: skip
 TITLE = "Forces over rail welds, study by study"
+COARSE = " On a coarse grid (--quick): a third of the speeds and positions, which settles no claim."
 _INTRODUCTION = (
     "The studies of the 2018 paper on wheel-rail forces over welds, computed by this software. Exact geometry: cosine "
     "dips, wheel flats, smooth rail. The five welds are modelled after the paper's text, which does not give their "
@@ -80,7 +81,7 @@ def run_all(lab: Laboratory, out: Path, *, names: Sequence[str] = STUDIES, stage
     claims.write(judged, out / "claims.json")
     shown = [shown for part in parts for shown in part.shown]
     gallery.write_page(
-        out / "gallery.html", shown, title=TITLE, introduction=_INTRODUCTION,
+        out / "gallery.html", shown, title=TITLE, introduction=_INTRODUCTION + (COARSE if lab.coarse else ""),
         claims=msgspec.to_builtins(judged), counts=claims.summary(judged),
     )  # fmt: skip
     return Studied(shown, measured, judged)
