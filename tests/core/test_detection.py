@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from tests.core.detection_figures import cosine_welds, measured
 from weld_force_ros.core.detection import APART_M, LEAST_M, RUNNING_M, SETTLED_M, THRESHOLD, detect
 from weld_force_ros.core.roughness import rail_roughness
 from weld_force_ros.core.shapes import cosine_dip
 from weld_force_ros.core.stream import KEPT_M, RailStream
 from weld_force_ros.errors import InputError
+
+from .detection_figures import cosine_welds, measured
 
 STEP_M = 1e-3
 WELDS_M = (13.2, 31.7, 48.1)
