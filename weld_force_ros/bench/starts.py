@@ -5,19 +5,20 @@ least and most. A kept cache is one that the process before has filled; without,
 """
 
 import os
-import statistics
 import subprocess
 import sys
 import tempfile
-import time
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-_WELD, _SPEEDS, _POSITIONS = "weld-1-dip", "20:255:5", 15
-_SIMULATE = ["simulate", _WELD, "--speeds", _SPEEDS, "--positions", str(_POSITIONS), "--json", "map.json"]
+from weld_force_ros.bench import timing
+from weld_force_ros.bench.study import POSITIONS, SPEEDS
+
+_WELD = "weld-1-dip"
+_SIMULATE = ["simulate", _WELD, "--speeds", SPEEDS, "--positions", str(POSITIONS), "--json", "map.json"]
 
 _IMPORT = """
 import time
@@ -31,8 +32,8 @@ import time
 laps = [time.perf_counter()]
 from weld_force_ros import assess, profiles
 laps.append(time.perf_counter())
-speeds_kmh = assess.parse_speeds({_SPEEDS!r})
-simulator = assess.Simulator(assess.simulation_settings(speeds_kmh=speeds_kmh, positions={_POSITIONS}))
+speeds_kmh = assess.parse_speeds({SPEEDS!r})
+simulator = assess.Simulator(assess.simulation_settings(speeds_kmh=speeds_kmh, positions={POSITIONS}))
 profile = profiles.read_profile(profiles.find({_WELD!r}))
 laps.append(time.perf_counter())
 simulator.force_map(profile)
@@ -59,14 +60,12 @@ def starts(repetitions: int = 3) -> dict[str, Any]:
         passages = len(msgspec.json.decode(Path(folder, "map.json").read_bytes())["peak_force_n"])
     found: dict[str, Any] = {"simulate_passages": passages}
     for name, values in seconds.items():
-        found |= {name: statistics.median(values), f"{name}_spread": [min(values), max(values)]}
+        found |= timing.figure(name, values)
     return found
 
 
 def _simulated_s(compiled: Path) -> float:
-    began = time.perf_counter()
-    _run(["-m", "weld_force_ros.cli", *_SIMULATE], compiled)
-    return time.perf_counter() - began
+    return timing.seconds(lambda: _run(["-m", "weld_force_ros.cli", *_SIMULATE], compiled))
 
 
 def _printed(code: str, compiled: Path) -> Any:

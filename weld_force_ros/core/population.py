@@ -80,13 +80,10 @@ AS_WELDED = Statistics(
     misalignment_m=Uniform(-0.05e-3, 0.05e-3),
     roughness_m=LogNormal(4e-6, 0.5),
 )
-GROUND_SMOOTH = Statistics(
+GROUND_SMOOTH = replace(
+    AS_WELDED,
     amplitude_m=LogNormal(0.03e-3, 0.5),
-    wavelength_m=Uniform(0.08, 0.50),
-    asymmetry=Uniform(-0.8, 0.8),
-    centre_m=Uniform(-0.05, 0.05),
     ramp_m=Uniform(-0.015e-3, 0.015e-3),
-    ramp_length_m=Uniform(0.05, 0.20),
     misalignment_m=Uniform(-0.02e-3, 0.02e-3),
     roughness_m=LogNormal(2e-6, 0.5),
 )

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from weld_force_ros.core.curves import sharp_angles
 from weld_force_ros.core.surface import Surface
 from weld_force_ros.core.track import Real
 from weld_force_ros.report import as_text, new_figure
@@ -97,4 +96,4 @@ def _first_maximum(speeds: Real, force: Real) -> tuple[float, float]:
 
 
 def _first_angle(speeds: Real, surface: Surface) -> float:
-    return [*sharp_angles(speeds, surface.peak_force_n[:, 0], surface.peak_x_m[:, 0]), float("nan")][0]
+    return [*passages.angles_kmh(speeds, surface), float("nan")][0]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from weld_force_ros.core.curves import CurveFeatures, sharp_angles
+from weld_force_ros.core.curves import CurveFeatures
 from weld_force_ros.core.passage import History
 from weld_force_ros.core.surface import Surface
 from weld_force_ros.core.track import Real
@@ -43,10 +43,6 @@ def _features(speeds: Real, surface: Surface) -> CurveFeatures:
     return passages.features(speeds, surface.peak_force_n[:, 0])
 
 
-def _angles(speeds: Real, surface: Surface) -> list[float]:
-    return sharp_angles(speeds, surface.peak_force_n[:, 0], surface.peak_x_m[:, 0])
-
-
 def _curves(welds: list[Variant], speeds: Real, surfaces: list[Surface]) -> Picture:
     figure = new_figure(7.0, 6.0)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
@@ -56,7 +52,7 @@ def _curves(welds: list[Variant], speeds: Real, surfaces: list[Surface]) -> Pict
         below.plot(speeds, surface.peak_x_m[:, 0] * 1e3, ".", markersize=3, color=colour)
         maxima = _features(speeds, surface).maxima[:1]
         above.plot([m.speed_kmh for m in maxima], [m.force_n / 1e3 for m in maxima], "o", color=colour)
-        angles = _angles(speeds, surface)
+        angles = passages.angles_kmh(speeds, surface)
         above.plot(angles, np.interp(angles, speeds, force), "v", color=colour, fillstyle="none", markersize=8)
     above.plot([], [], "o", color=GREY, label="first maximum")
     above.plot([], [], "v", color=GREY, fillstyle="none", markersize=8, label="sharp angle")
@@ -112,7 +108,7 @@ def _parting(weld: Variant, histories: list[History]) -> Picture:
 
 def _measured(lab: Laboratory, speeds: Real, surfaces: list[Surface]) -> Measured:
     features = [_features(speeds, surface) for surface in surfaces]
-    angles = [[*_angles(speeds, surface), np.nan, np.nan] for surface in surfaces]
+    angles = [[*passages.angles_kmh(speeds, surface), np.nan, np.nan] for surface in surfaces]
     maxima_kmh = [passages.first_maximum(feature)[0] for feature in features]
     hollows = [passages.hollow_after_maximum(feature) for feature in features]
     short, long = (surface.peak_force_n[:, 0] for surface in surfaces)

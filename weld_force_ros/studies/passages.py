@@ -5,9 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
-from weld_force_ros.core.curves import CurveFeatures, Hollow, curve_features
+from weld_force_ros.core.curves import CurveFeatures, Hollow, curve_features, sharp_angles
 from weld_force_ros.core.passage import History
 from weld_force_ros.core.peaks import Peak, local_peaks
+from weld_force_ros.core.surface import Surface
 from weld_force_ros.core.track import Real
 from weld_force_ros.studies.laboratory import Laboratory
 
@@ -23,6 +24,11 @@ def features(speeds_kmh: Real, force_n: Real) -> CurveFeatures:
 def first_maximum(curve: CurveFeatures) -> tuple[float, float]:
     """Speed in km/h and force in N of the first local maximum; NaN without one."""
     return (curve.maxima[0].speed_kmh, curve.maxima[0].force_n) if curve.maxima else (np.nan, np.nan)
+
+
+def angles_kmh(speeds_kmh: Real, surface: Surface) -> list[float]:
+    """Sharp angles of the curve at the surface's first position, the weld's centre being over the sleeper."""
+    return sharp_angles(speeds_kmh, surface.peak_force_n[:, 0], surface.peak_x_m[:, 0])
 
 
 def hollow_after_maximum(curve: CurveFeatures) -> Hollow | None:

@@ -3,8 +3,7 @@
 import contextlib
 import hashlib
 import inspect
-import os
-import tempfile
+import io
 import zipfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -14,7 +13,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from weld_force_ros import __version__
+from weld_force_ros import __version__, user_cache
 from weld_force_ros.core import reference, track
 from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import Trajectory
@@ -78,8 +77,6 @@ def _read(path: Path) -> dict[str, Real]:
 
 def _write(path: Path, entries: dict[str, Real]) -> None:
     """Write so that a run that is stopped leaves the whole file or none."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    with os.fdopen(handle, "wb") as file:
-        np.savez(file, **entries)  # type: ignore[arg-type]  # keywords are arrays, not allow_pickle
-    Path(name).replace(path)
+    content = io.BytesIO()
+    np.savez(content, **entries)  # type: ignore[arg-type]  # keywords are arrays, not allow_pickle
+    user_cache.write_whole(content.getvalue(), path)
