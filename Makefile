@@ -1,10 +1,10 @@
-# make run · make test · make lint · make bench: each sets up .venv by itself, at once if that is done already.
+# make run · make test · make lint · make bench · make soak: each sets up .venv by itself, at once if that is done already.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: run test lint bench format schema
+.PHONY: run test lint bench soak format schema
 
 run: $(READY)
 	$(BIN)/weld-force demo
@@ -21,12 +21,18 @@ lint: $(READY)
 bench: $(READY)
 	$(BIN)/weld-force bench
 
+soak: $(READY)
+	$(BIN)/python -m tests.soak.malformed
+	$(BIN)/python -m tests.core.detection_figures
+	$(BIN)/python -m tests.soak.kills
+	$(BIN)/python -m tests.soak.endurance
+
 format: $(READY)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
 schema: $(READY)
-	$(BIN)/weld-force schema --write msgs_json
+	$(BIN)/weld-force schema --write msgs_json --config weld_force_ros/data/config
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(0 if (3, 11) <= sys.version_info[:2] < (3, 14) else "Python 3.11 to 3.13 is needed; name it: make PYTHON=python3.12")'

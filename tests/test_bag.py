@@ -1,24 +1,20 @@
-import errno
+import dataclasses
 import json
-import os
 import random
-import resource
 import shutil
 import signal
 import struct
 import subprocess
 import sys
 import textwrap
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 
-import jsonschema
 import pytest
 import yaml
 import zstandard
+from bag_harness import EPOCH_NS, numbered, read_by_rosbags, record, texts, write
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.data_stream import RecordBuilder
@@ -30,45 +26,13 @@ from rosbags.interfaces import QosDurability, QosHistory
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
+from second_reader import check_bag
 
 from weld_force_ros import bag as bags
-from weld_force_ros import contract
 from weld_force_ros.errors import BagError
 
 ROS = get_typestore(Stores.ROS2_JAZZY)
 SHARE = Path(sys.prefix) / "share"
-EPOCH_NS = 1_700_000_000_000_000_000
-
-
-def record(directory: Path, messages: list[tuple[str, str, int]]) -> Path:
-    """A closed bag of strings: (topic, text, log time after the epoch)."""
-    with bags.Recorder(directory) as recorder:
-        write(recorder, messages)
-    return directory
-
-
-def write(recorder: bags.Recorder, messages: list[tuple[str, str, int]]) -> None:
-    for topic, text, time_ns in messages:
-        recorder.write(
-            topic,
-            bags.STRING,
-            bags.string_cdr(text),
-            log_time_ns=EPOCH_NS + time_ns,
-            publish_time_ns=EPOCH_NS + time_ns - 1,
-        )
-
-
-def texts(path: Path) -> list[str]:
-    return [m.content.data for m in bags.open_bag(path).messages()]
-
-
-def read_by_rosbags(directory: Path) -> list[tuple[str, int, object]]:
-    with AnyReader([directory]) as reader:
-        return [(c.topic, t, reader.deserialize(raw, c.msgtype)) for c, t, raw in reader.messages()]
-
-
-def numbered(count: int, topic: str = "/notes") -> list[tuple[str, str, int]]:
-    return [(topic, f"message {i} " + "x" * (i % 50), i * 1000) for i in range(count)]
 
 
 # Other readers
@@ -281,114 +245,37 @@ def test_damaged_chunk_costs_only_itself(tmp_path, whole):
     report = bags.recover(path, tmp_path / "rescued")
     assert report.lossy
     assert report.lost_bytes == chunks[1].compressed_size
+    assert report.lost_messages == 40 - report.message_count > 0
 
 
 def test_recovering_twice_changes_nothing(tmp_path, whole):
     (tmp_path / "cut.mcap").write_bytes(whole["plain"][:1_000_000])
-    first = bags.recover(tmp_path / "cut.mcap", tmp_path / "first")
-    second = bags.recover(tmp_path / "first", tmp_path / "second")
-    assert first.lossy
-    assert (second.damage, second.lossy, second.message_count) == (None, False, first.message_count)
-    once, twice = (list(bags.open_bag(tmp_path / name).messages()) for name in ("first", "second"))
-    assert once == twice
-    assert len(once) == 1_000_000 // 80_050
+    first = bags.recover(tmp_path / "cut.mcap")
+    target = tmp_path / "cut-recovered"
+    before = {p: p.read_bytes() for p in target.iterdir()}
+    again = bags.recover(tmp_path / "cut.mcap")
+    assert (first.lossy, first.already, again) == (True, False, dataclasses.replace(first, already=True))
+    assert {p: p.read_bytes() for p in target.iterdir()} == before
+    clean = bags.recover(target, tmp_path / "clean")
+    assert (clean.damage, clean.lossy, clean.message_count) == (None, False, first.message_count)
+    assert list(bags.open_bag(target).messages()) == list(bags.open_bag(tmp_path / "clean").messages())
+    assert check_bag(target) == {"/n": 1_000_000 // 80_050}
+
+    record(tmp_path / "other", numbered(3))
+    with pytest.raises(BagError, match="holds something else and is not overwritten"):
+        bags.recover(tmp_path / "cut.mcap", tmp_path / "other")
+    assert texts(tmp_path / "other") == [text for _, text, _ in numbered(3)]
 
 
-def test_interrupted_compression_leaves_a_complete_bag(tmp_path, monkeypatch):
-    def full_disk(*_: object) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr("weld_force_ros.bag.writing._write_whole", full_disk)
-    with pytest.raises(BagError, match="No space left on device; its messages are kept"):
-        record(tmp_path / "run", numbered(20))
-    assert [m.data for _, _, m in read_by_rosbags(tmp_path / "run")] == [t for _, t, _ in numbered(20)]
-    assert sorted(p.name for p in (tmp_path / "run").iterdir()) == ["metadata.yaml", "run_0.mcap"]
-
-
-@contextmanager
-def largest_file(size: int) -> Iterator[None]:
-    """The kernel refuses to let a file grow beyond `size`, as it does on a full disk."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-
-
-def test_full_disk_is_announced_and_harms_no_other_message(tmp_path):
-    with bags.Recorder(tmp_path / "run") as recorder:
-        write(recorder, numbered(5))
-        with (
-            largest_file(recorder.path.stat().st_size + 300),
-            pytest.raises(BagError, match=r"run_0\.mcap: File too large; free space.*/other is kept") as refused,
-        ):
-            write(recorder, [("/other", "y" * 1000, 6000)])
-        assert "\n" not in str(refused.value)
-        assert len(texts(tmp_path / "run")) == 5
-        assert bags.open_bag(recorder.path).lost_bytes == 0
-        write(recorder, [("/other", "space again", 7000)])
-    assert [m.data for _, _, m in read_by_rosbags(tmp_path / "run")][4:] == [numbered(5)[4][1], "space again"]
-
-
-def test_full_disk_at_close_keeps_the_messages(tmp_path):
-    recorder = bags.Recorder(tmp_path / "run")
-    write(recorder, numbered(5))
-    with largest_file(recorder.path.stat().st_size + 10), pytest.raises(BagError, match="weld-force bag recover"):
-        recorder.close()
-    assert [p.name for p in (tmp_path / "run").iterdir()] == ["run_0.mcap"]
-    assert bags.recover(tmp_path / "run", tmp_path / "rescued").lossy is False
-    assert [m.data for _, _, m in read_by_rosbags(tmp_path / "rescued")] == [t for _, t, _ in numbered(5)]
-
-
-# Recording
-
-
-def test_nothing_is_overwritten(tmp_path):
-    directory = record(tmp_path / "run", [("/rejection", rejection("a"), 0)])
-    before = {p: p.read_bytes() for p in directory.iterdir()}
-    with pytest.raises(BagError, match="exists and is not overwritten"):
-        bags.Recorder(directory)
-    with pytest.raises(BagError, match="exists and is not overwritten"):
-        bags.recover(directory, directory)
-    with pytest.raises(BagError, match="exists and is not overwritten"):
-        bags.export_json(directory, directory / "run_0.mcap")
-    assert {p: p.read_bytes() for p in directory.iterdir()} == before
-
-
-def test_threads_may_record_at_once(tmp_path):
-    with bags.Recorder(tmp_path / "run") as recorder:
-        threads = [
-            threading.Thread(target=write, args=(recorder, [(f"/t{n}", f"{n}-{i}", i) for i in range(100)]))
-            for n in range(4)
-        ]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join(timeout=30)
-    found = read_by_rosbags(tmp_path / "run")
-    assert {m.data for _, _, m in found} == {f"{n}-{i}" for n in range(4) for i in range(100)}
-    assert [t for _, t, _ in found] == sorted(t for _, t, _ in found)
-
-
-def test_what_cannot_be_recorded_is_refused_and_the_rest_kept(tmp_path):
-    with bags.Recorder(tmp_path / "run") as recorder:
-        write(recorder, [("/n", "first", 0)])
-        with pytest.raises(BagError, match="/n: time -1 or"):
-            recorder.write("/n", bags.STRING, b"", log_time_ns=-1, publish_time_ns=0)
-        with pytest.raises(BagError, match="record at most"):
-            recorder.write("/n", bags.STRING, bytes(2**25 + 1), log_time_ns=0, publish_time_ns=0)
-        write(recorder, [("/n", "second", 1)])
-    with pytest.raises(BagError, match="after the recording was closed"):
-        write(recorder, [("/n", "third", 2)])
-    recorder.close()
-    assert texts(tmp_path / "run") == ["first", "second"]
-
-
-def test_empty_recording_is_valid(tmp_path):
-    record(tmp_path / "run", [])
-    assert read_by_rosbags(tmp_path / "run") == []
-    assert (texts(tmp_path / "run"), bags.summary(tmp_path / "run").damage) == ([], None)
+def test_bad_file_does_not_keep_the_others_from_being_recovered(tmp_path):
+    for number in range(3):
+        with bags.Recorder(tmp_path / "run") as recorder:
+            write(recorder, [("/n", f"{number}.{i}", 100 * number + i) for i in range(10)])
+    (tmp_path / "run" / "run_1.mcap").write_bytes(b"no recording at all")
+    report = bags.recover(tmp_path / "run")
+    assert (report.message_count, report.lossy, report.lost_bytes, report.lost_messages) == (20, True, 19, 10)
+    assert report.damage == "run_1.mcap is not an MCAP file"
+    assert check_bag(tmp_path / "run-recovered") == {"/n": 20}
 
 
 # Reading
@@ -443,8 +330,46 @@ def test_split_bag_is_one_recording(tmp_path, metadata):
     assert texts(split) == ["0", "1", "2", "10"]
     if metadata:
         (split / "split_2.mcap").unlink()
-        with pytest.raises(BagError, match=r"split_2\.mcap is missing"):
-            bags.open_bag(split)
+        assert (bags.summary(split).damage, texts(split)) == ("split_2.mcap is missing", ["0", "1", "10"])
+
+
+def test_file_that_metadata_does_not_know_is_read(tmp_path):
+    directory = record(tmp_path / "run", numbered(3))
+    shutil.copy(directory / "run_0.mcap", tmp_path / "kept.mcap")
+    known = (directory / "metadata.yaml").read_text()
+    with bags.Recorder(directory) as recorder:
+        write(recorder, [("/n", "after the crash", 10**6)])
+    (directory / "metadata.yaml").write_text(known)
+    (directory / "exported.mcap").write_bytes((tmp_path / "kept.mcap").read_bytes())  # of another series
+    assert texts(directory) == [text for _, text, _ in numbered(3)] + ["after the crash"]
+
+
+@settings(deadline=None, max_examples=15, database=None)
+@given(files=st.lists(st.lists(st.integers(0, 20), max_size=8), min_size=1, max_size=5))
+def test_files_that_overlap_in_time_are_merged_in_log_order(tmp_path_factory, files):
+    directory = tmp_path_factory.mktemp("merge") / "run"
+    for number, times in enumerate(files):
+        with bags.Recorder(directory) as recorder:
+            write(recorder, [("/n", f"{number}.{i}", t) for i, t in enumerate(times)])
+    written = [(t, f"{number}.{i}") for number, times in enumerate(files) for i, t in enumerate(times)]
+    in_time = [text for _, text in sorted(written, key=lambda item: item[0])]
+    assert texts(directory) == in_time
+    # Each file was brought into log order when it was closed.
+    of_files = [[text for text in in_time if text.startswith(f"{number}.")] for number in range(len(files))]
+    assert [r.content.data for r in bags.stored(directory)] == [text for file in of_files for text in file]
+    shutil.rmtree(directory.parent)
+
+
+def test_unreadable_file_of_several_is_damage_and_alone_it_is_refused(tmp_path):
+    directory = record(tmp_path / "run", numbered(3))
+    (directory / "run_1.mcap").write_bytes(bomb(HUGE, HUGE))
+    (directory / "run_2.mcap").write_bytes(b"")
+    found = bags.open_bag(directory)
+    assert found.damage == f"run_1.mcap: claims a record of {HUGE} bytes; run_2.mcap is empty"
+    assert (found.lossy, found.tally.message_count) == (True, 3)
+    assert [r.content.data for r in bags.stored(directory)] == [text for _, text, _ in numbered(3)]
+    with pytest.raises(BagError, match=f"claims a record of {HUGE} bytes"):
+        list(bags.stored(directory / "run_1.mcap"))
 
 
 def test_broken_metadata_does_not_hide_the_messages(tmp_path):
@@ -513,64 +438,3 @@ def test_undecodable_message_is_named_and_the_rest_readable(tmp_path):
         with pytest.raises(BagError, match=f"/n at log time {time_ns} ns: "):
             message.content  # noqa: B018
     assert fine.content.data == "fine"
-
-
-# The suite's messages
-
-
-def rejection(reason: str, sequence: int = 0) -> str:
-    message = contract.Rejection(source="weld.csv", reason=reason, remedy="measure again", sequence=sequence)
-    return contract.encode(message).decode()
-
-
-def profile() -> str:
-    x_m = [0.005 * i for i in range(-50, 51)]
-    z_m = [1e-4 * (1 - abs(x) / 0.25) for x in x_m]
-    sha256 = contract.profile_sha256(x_m, z_m)
-    message = contract.WeldProfile(weld_id="KM12", source="weld.csv", x_m=x_m, z_m=z_m, profile_sha256=sha256)
-    return contract.encode(message).decode()
-
-
-def test_broken_message_stands_in_its_place_among_the_others(tmp_path):
-    directory = record(
-        tmp_path / "run",
-        [
-            ("/line_2/weld_profile", profile(), 0),
-            ("/line_2/rejection", '{"schema_version": "1.0", "source": 5}', 1),
-            ("/chatter", "not ours", 2),
-            ("/rejection", rejection("too short", 4), 3),
-        ],
-    )
-    first, broken, last = bags.contract_messages(bags.open_bag(directory))
-    assert isinstance(first.message, contract.WeldProfile)
-    assert (first.topic, first.log_time_ns) == ("/line_2/weld_profile", EPOCH_NS)
-    assert isinstance(broken.message, BagError)
-    assert f"/line_2/rejection at log time {EPOCH_NS + 1} ns: Rejection: " in str(broken.message)
-    assert isinstance(last.message, contract.Rejection)
-    assert (last.message.reason, last.message.sequence) == ("too short", 4)
-
-
-def test_export_validates_against_the_schemas_it_carries(tmp_path):
-    with_unknown_field = json.dumps({**json.loads(rejection("x")), "extra": None})
-    sent = [("/weld_profile", profile(), 0), ("/rejection", with_unknown_field, 1), ("/rejection", "{}", 2)]
-    directory = record(tmp_path / "run", sent)
-    report = bags.export_json(directory, tmp_path / "run.mcap")
-    assert (report.message_count, len(report.refused)) == (2, 1)
-    with (tmp_path / "run.mcap").open("rb") as stream:
-        found = list(make_reader(stream, validate_crcs=True).iter_messages())
-    for schema, channel, message in found:
-        assert (channel.message_encoding, schema.encoding) == ("json", "jsonschema")
-        jsonschema.validate(json.loads(message.data), json.loads(schema.data))
-        assert b"null" not in message.data
-    assert [(s.name, c.topic, m.log_time - EPOCH_NS) for s, c, m in found] == [
-        ("weld_force_ros/WeldProfile", "/weld_profile", 0),
-        ("weld_force_ros/Rejection", "/rejection", 1),
-    ]
-    assert json.loads(found[0][2].data) == json.loads(profile())
-
-
-def test_export_of_nothing_leaves_no_file(tmp_path):
-    directory = record(tmp_path / "run", numbered(3))
-    with pytest.raises(BagError, match="holds no usable message of this suite"):
-        bags.export_json(directory, tmp_path / "run.mcap")
-    assert [p.name for p in tmp_path.iterdir()] == ["run"]

@@ -18,12 +18,16 @@ from weld_force_ros.contract import (
     Criterion,
     ForceHistory,
     ForceMap,
+    Inquiry,
     Limit,
     Message,
+    RailSurface,
     Rejection,
+    Settled,
     SimulationSettings,
     Stamp,
     Verdict,
+    WeldMarker,
     WeldProfile,
     config_sha256,
     decode,
@@ -141,7 +145,26 @@ rejections = st.builds(
     source_sha256=maybe(hashes), profile_sha256=maybe(hashes), **header,
 )  # fmt: skip
 
+rail_surfaces = st.integers(1, 5).flatmap(
+    lambda n: st.builds(
+        RailSurface, chainage=cells(n), height=cells(n), chainage_unit=st.sampled_from(["m", "cm", "mm", "um"]),
+        height_unit=st.sampled_from(["m", "cm", "mm", "um"]), height_positive=st.sampled_from(["up", "down"]), **header,
+    )
+)  # fmt: skip
+weld_markers = st.builds(
+    WeldMarker, chainage_m=maybe(metres), weld_id=maybe(names), line_speed_kmh=maybe(speeds),
+    weld_position_m=maybe(st.floats(0.0, 2.0)), **header,
+)  # fmt: skip
+inquiries = st.builds(Inquiry, profile_ids=st.lists(hashes, max_size=3), **header)
+settled = st.builds(
+    Settled, profile_ids=st.lists(hashes, max_size=3), asked_by=names, asked_sequence=st.integers(0, 2**40), **header
+)
+
 MESSAGES: dict[type[Message], st.SearchStrategy[Any]] = {
+    RailSurface: rail_surfaces,
+    WeldMarker: weld_markers,
+    Inquiry: inquiries,
+    Settled: settled,
     WeldProfile: weld_profiles(),
     SimulationSettings: simulation_settings,
     AssessmentSettings: assessment_settings,
@@ -173,6 +196,11 @@ def sample(kind: type[Message], **changes: Any) -> dict[str, Any]:
                              "positions_m": [0.0], "wheel_mass_kg": 1.0, "static_load_n": 1.0, "wheel_radius_m": 0.4,
                              "hertz_n_per_m15": 1.0},
         AssessmentSettings: {"limits": [row | {"reject_limit": 2.0, "verified": False}]},
+        RailSurface: {"chainage": [0.0, 1.0], "height": [0.0, 1.0], "chainage_unit": "mm", "height_unit": "um",
+                      "height_positive": "up"},
+        WeldMarker: {"chainage_m": 1.0, "weld_id": "w"},
+        Inquiry: {"profile_ids": [sha]},
+        Settled: {"profile_ids": [sha]},
     }  # fmt: skip
     common = {"weld_id": "w", "profile_sha256": sha, "config_sha256": sha}
     fields = {field.name for field in msgspec.structs.fields(kind)}
@@ -229,7 +257,7 @@ def test_message_without_version_is_refused(kind: type[Message]):
 def test_optional_field_may_be_absent_but_not_null(kind: type[Message]):
     optional = [f.name for f in msgspec.structs.fields(kind) if f.default is UNSET]
     for name in optional:
-        assert name not in sample(kind) or kind is Rejection
+        assert name not in sample(kind) or kind in (Rejection, WeldMarker)
         with pytest.raises(MessageError, match="null"):
             decode(kind, json.dumps(sample(kind) | {name: None}))
 
@@ -278,6 +306,11 @@ def test_number_that_is_not_finite_is_never_sent(kind: type[Message], number: fl
         (ForceMap, {"speeds_kmh": [2.0, 1.0]}, "must increase"),
         (ForceMap, {"speeds_kmh": [0.0, 1.0]}, "speeds_kmh"),
         (ForceHistory, {"rail_m": [1.0, 2.0]}, "differ in length"),
+        (RailSurface, {"height": [1.0]}, "2 chainages but 1 heights"),
+        (RailSurface, {"height_unit": "inch"}, "inch"),
+        (WeldMarker, {"weld_position_m": -0.1}, "weld_position_m"),
+        (Inquiry, {"profile_ids": ["../x"]}, "profile_ids"),
+        (Settled, {"profile_ids": ["0" * 64] * 1001}, "profile_ids"),
         (WeldProfile, {"z_m": [0.0] * 21}, "20 positions but 21 heights"),
         (WeldProfile, {"z_m": [0.0] * 20}, "not the hash"),
         (WeldProfile, {"weld_id": ""}, "weld_id"),

@@ -22,6 +22,7 @@ from weld_force_ros.contract import (
     WeldProfile,
     config_sha256,
     encode,
+    legible,
     limits_sha256,
 )
 from weld_force_ros.core.causality import acausal
@@ -268,9 +269,9 @@ def load_limits(path: Path | None = None) -> AssessmentSettings:
     remedy = "write it after data/limits/default.yaml"
     file = path or resources.files("weld_force_ros.data") / "limits" / "default.yaml"
     try:
-        limits = tracks.decode_yaml(file.read_bytes(), list[Limit])
+        limits = tracks.decode_yaml(tracks.read_yaml(file), list[Limit])
     except (OSError, msgspec.DecodeError, ValueError) as error:
-        raise InputError(f"limits {source}: {' '.join(str(error).split())}", remedy) from None
+        raise InputError(f"limits {source}: {legible(str(error))}", remedy) from None
     for limit in limits:
         if limit.name not in MEASURES:
             raise InputError(f"limits {source}: {limit.name!r} names no criterion", f"use {', '.join(MEASURES)}")

@@ -8,8 +8,6 @@ import atexit
 import gc
 import os
 import sys
-from dataclasses import asdict
-from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast, get_args
@@ -17,15 +15,29 @@ from typing import TYPE_CHECKING, Annotated, Any, cast, get_args
 import msgspec
 import typer
 
-from weld_force_ros import cli_study, json_lines
+from weld_force_ros import cli_bag, cli_nodes, cli_replay, cli_study, json_lines
+from weld_force_ros.cli_options import (
+    EngineName,
+    Hertz,
+    Json,
+    Positions,
+    SkipRows,
+    Spacing,
+    Speeds,
+    StaticLoad,
+    Track,
+    WheelMass,
+    WheelRadius,
+    XUnit,
+    ZPositive,
+    ZUnit,
+)
 from weld_force_ros.errors import InputError, WeldForceError
 
 if TYPE_CHECKING:
     from weld_force_ros.assess import Simulator
     from weld_force_ros.contract import SimulationSettings
     from weld_force_ros.fits import AnyFit
-    from weld_force_ros.replay import Recording
-    from weld_force_ros.what_if import Changed
 
 # Typer's usage errors, whether its click is the package or a copy of its own.
 _UsageError: Any = typer.BadParameter.__base__
@@ -36,143 +48,12 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-bag_app = typer.Typer(help="Look into, repair and export recordings.", rich_markup_mode=None)
-app.add_typer(bag_app, name="bag")
+app.add_typer(cli_bag.app, name="bag")
 app.add_typer(cli_study.app, name="study")
-
-Track = Annotated[str, typer.Option(help="A shipped track or the path of a track file (YAML).")]
-EngineName = Annotated[str, typer.Option(help="How the track is represented in time.")]
-Speeds = Annotated[str, typer.Option(help="FIRST:LAST:STEP or a list such as 40,80, in km/h.")]
-Positions = Annotated[str, typer.Option(help="N equal steps over the span, or metres after the sleeper: 0.15,0.30.")]
-WheelMass = Annotated[float | None, typer.Option("--wheel-mass", help="Half a wheelset, kg (default: the track's).")]
-StaticLoad = Annotated[float | None, typer.Option("--static-load", help="Static wheel load, N.")]
-WheelRadius = Annotated[float | None, typer.Option("--wheel-radius", help="Rolling radius, m.")]
-Hertz = Annotated[float | None, typer.Option("--hertz", help="Hertz constant, N/m^1.5.")]
-Json = Annotated[str | None, typer.Option("--json", metavar="FILE|-", help="Write JSON lines to a file or stdout.")]
-Limits = Annotated[Path | None, typer.Option(help="Limits file (YAML; default: the shipped, unverified ones).")]
-BagPath = Annotated[Path, typer.Argument(help="A bag folder or an .mcap file.")]
-XUnit = Annotated[str | None, typer.Option("--x-unit", help="For plain text files: m, cm, mm or um.")]
-ZUnit = Annotated[str | None, typer.Option("--z-unit", help="For plain text files: m, cm, mm or um.")]
-ZPositive = Annotated[str | None, typer.Option("--z-positive", help="For plain text files: up or down.")]
-Spacing = Annotated[float | None, typer.Option(help="For files with heights only: sample spacing in --x-unit.")]
-SkipRows = Annotated[int, typer.Option("--skip-rows", help="For plain text files: lines to skip at the top.")]
-
-
-@app.command()
-def demo(
-    out: Annotated[Path | None, typer.Option(help="New folder for files, bag and picture.")] = None,
-    track: Track = "bilbao",
-) -> None:
-    """Run the whole suite on this machine over the shipped welds, and show what came out."""
-    from weld_force_ros import assess, terminal
-    from weld_force_ros.profiles import shipped
-
-    demonstrate = _ros("demo").demonstrate
-    folder = out or Path("weld-force-demo") / datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
-    with terminal.progress() as bar:
-        task = bar.add_task("measuring, simulating, judging", total=len(shipped()))
-        result = demonstrate(folder, track=track, on_outcome=lambda _: bar.advance(task))
-    recording = result.recording
-    terminal.show_verdicts(recording.verdicts, recording.rejections)
-    for settings in recording.limits.values():
-        terminal.show_limits(settings.limits)
-    if result.seconds_to_verdict:
-        slowest = max(result.seconds_to_verdict.values())
-        passages = sum(len(m.peak_force_n) for m in recording.force_maps)
-        terminal.say(f"{passages} passages; all files dropped at once, the last verdict {slowest:.1f} s later")
-    picture = _demo_picture(recording, folder / "force-maps.png")
-    terminal.say(f"picture: {picture}")
-    terminal.say(f"bag:     {result.bag}  ({assess.SOFTWARE})")
-    terminal.say(
-        f"next:    weld-force replay {result.bag} --verify   computes every verdict again, without ROS\n"
-        f"         weld-force bag info {result.bag}          or ros2 bag play {result.bag}\n"
-        "         weld-force up --folder MEASUREMENTS --bag BAG      the same beside your own trolley"
-    )
-    if result.left:
-        terminal.say(f"{result.left} welds got no outcome")
-        raise typer.Exit(1)
-
-
-def _demo_picture(recording: "Recording", path: Path) -> Path:
-    from weld_force_ros import report
-
-    shown = ("weld-1-dip", "weld-4-steep-ramp")
-    maps = {m.weld_id: m for m in recording.force_maps}
-    rows = [(recording.profiles[name, maps[name].profile_sha256], maps[name]) for name in shown if name in maps]
-    report.save(report.compare_maps(rows), path)
-    return path
-
-
-@app.command()
-def up(
-    folder: Annotated[Path, typer.Option(help="Folder of measurement files to watch.")],
-    bag: Annotated[Path | None, typer.Option(help="New folder to record to (default: no recording).")] = None,
-    track: Track = "bilbao",
-    engine: EngineName = "common-poles",
-    speeds: Speeds = "20:300:5",
-    positions: Positions = "15",
-    wheel_mass_kg: WheelMass = None,
-    static_load_n: StaticLoad = None,
-    wheel_radius_m: WheelRadius = None,
-    hertz_n_per_m15: Hertz = None,
-    limits: Limits = None,
-    x_unit: XUnit = None,
-    z_unit: ZUnit = None,
-    z_positive: ZPositive = None,
-    spacing: Spacing = None,
-) -> None:
-    """Run the three nodes in one process until SIGINT or SIGTERM; each weld's outcome is shown as it comes."""
-    from weld_force_ros import terminal
-
-    run_suite = _ros("run").run_suite
-    simulator: dict[str, Any] = {
-        "track": track,
-        "engine": engine,
-        "speeds": speeds,
-        "positions": positions,
-        "wheel_mass_kg": wheel_mass_kg,
-        "static_load_n": static_load_n,
-        "wheel_radius_m": wheel_radius_m,
-        "hertz_n_per_m15": hertz_n_per_m15,
-    }
-    _settings(**simulator)  # refused here in one line, rather than by a node's parameter
-    profile = {"folder": str(folder), "x_unit": x_unit, "z_unit": z_unit, "z_positive": z_positive, "spacing": spacing}
-    assessment = {"limits": str(limits) if limits else None, "bag": str(bag) if bag else None}
-    parameters: dict[str, dict[str, Any]] = {"profile": profile, "simulator": simulator, "assessment": assessment}
-    code = run_suite(
-        {kind: {name: v for name, v in given.items() if v is not None} for kind, given in parameters.items()},
-        on_verdict=lambda verdict: terminal.say(f"{verdict.decision.upper():7} {verdict.weld_id}: {verdict.reason}"),
-        on_rejection=lambda rejection: terminal.say(
-            f"UNUSABLE {rejection.source}: {rejection.reason}; {rejection.remedy}"
-        ),
-    )
-    raise typer.Exit(code)
-
-
-@app.command(context_settings={"ignore_unknown_options": True, "allow_extra_args": True})
-def node(
-    context: typer.Context,
-    kind: Annotated[str, typer.Argument(metavar="profile|simulator|assessment", help="Which node.")],
-) -> None:
-    """Run one node until SIGINT or SIGTERM; `--ros-args …` as on any ROS command line."""
-    run = _ros("run")
-    if kind not in run.KINDS:
-        raise InputError(f"there is no node {kind!r}", f"use {', '.join(run.KINDS)}")
-    if context.args and context.args[0] != "--ros-args":
-        raise InputError(f"{context.args[0]!r} is not understood", "ROS arguments follow --ros-args")
-    raise typer.Exit(run.run_node(kind, context.args))
-
-
-def _ros(module: str) -> Any:
-    """A module of the ROS side, or one line that says how to get ROS."""
-    from importlib import import_module
-
-    try:
-        return import_module(f"weld_force_ros.ros.{module}")
-    except ImportError as error:
-        raise InputError(
-            f"ROS 2 is not there ({error})", "install it with `pip install 'weld_force_ros[ros]'` or source your ROS"
-        ) from None
+app.command()(cli_nodes.demo)
+app.command()(cli_nodes.up)
+app.command(context_settings={"ignore_unknown_options": True, "allow_extra_args": True})(cli_nodes.node)
+app.command()(cli_replay.replay)
 
 
 @app.command()
@@ -360,122 +241,31 @@ def _show_fit(made: "AnyFit") -> None:
 
 
 @app.command()
-def replay(
-    bag: BagPath,
-    verify: Annotated[bool, typer.Option("--verify", help="Compare with what was recorded; exit 1 if it differs.")]
-    = False,
-    what_if: Annotated[bool, typer.Option("--what-if", help="Under other settings: which verdicts change.")]
-    = False,
-    track: Annotated[str | None, typer.Option(help="With --what-if: another track; the wheel stays.")] = None,
-    speeds: Annotated[str | None, typer.Option(help="With --what-if: other speeds, as in simulate.")] = None,
-    engine: Annotated[str | None, typer.Option(help="With --what-if: another engine.")] = None,
-    limits: Annotated[Path | None, typer.Option(help="With --what-if: another limits file.")] = None,
-    json: Json = None,
-) -> None:  # fmt: skip
-    """Compute a recording again, without ROS."""
-    from weld_force_ros import terminal
-    from weld_force_ros.contract import Verdict
-    from weld_force_ros.replay import read
-    from weld_force_ros.replay import replay as replayed
-
-    given = {"track": track, "speeds": speeds, "engine": engine, "limits": limits}
-    if what_if and verify:
-        raise InputError("--verify and --what-if exclude each other", "give one of them")
-    if not what_if and any(value is not None for value in given.values()):
-        raise InputError(
-            f"--{next(name for name, value in given.items() if value is not None)} changes what was recorded",
-            "add --what-if",
-        )
-    recording = read(bag)
-    if recording.damage:
-        terminal.say(f"{bag}: {recording.damage}; replaying what is there")
-    if what_if:
-        _what_if(recording, given, json)
-        return
-    results = []
-    with json_lines.lines(json) as out, terminal.progress() as bar:
-        task = bar.add_task("replaying", total=len(recording.force_maps))
-        for result in replayed(recording, on_result=lambda: bar.advance(task)):
-            results.append(result)
-            if verify:
-                json_lines.write(out, _comparison(result))
-            elif isinstance(result.computed, Verdict):
-                json_lines.write(out, result.computed)
-    if not verify:
-        terminal.show_verdicts([r.computed for r in results if isinstance(r.computed, Verdict)], recording.rejections)
-        return
-    differing = [r for r in results if r.differences]
-    for result in differing:
-        for difference in result.differences:
-            terminal.say(f"DIFFERS {result.weld_id} {result.kind}: {difference}")
-    for kind in ("force_map", "verdict"):
-        of_kind = [r for r in results if r.kind == kind]
-        terminal.say(f"{kind}: {sum(not r.differences for r in of_kind)} of {len(of_kind)} equal")
-    if differing:
-        raise typer.Exit(1)
-
-
-def _what_if(recording: "Recording", given: dict[str, Any], json: str | None) -> None:
-    from weld_force_ros import terminal
-    from weld_force_ros.what_if import Changed, NotComputed, judged, read_change, what_if
-
-    change = read_change(**given)
-    changed, not_computed = [], []
-    with json_lines.lines(json) as out, terminal.progress() as bar:
-        task = bar.add_task("replaying", total=len(judged(recording)))
-        for result in what_if(recording, change, on_result=lambda: bar.advance(task), on_fit=terminal.say):
-            match result:
-                case Changed():
-                    changed.append(result)
-                    json_lines.write(out, _changed_line(result))
-                case NotComputed():
-                    not_computed.append(result)
-                    json_lines.write(out, result)
-    options = " ".join(f"--{name} {value}" for name, value in given.items() if value is not None)
-    terminal.show_changed(f"What if: {options}", changed)
-    for missing in not_computed:
-        terminal.say(f"NOT COMPUTED {missing.weld_id}: {missing.reason}")
-    terminal.say(
-        f"verdicts that change: {sum(c.decision_changed for c in changed)} of {len(changed)}; "
-        f"not computed: {len(not_computed)}; rejected, as recorded: {len(recording.rejections)}"
-    )
-    if not_computed:
-        raise typer.Exit(1)
-
-
-def _changed_line(changed: "Changed") -> dict[str, Any]:
-    return {
-        "weld_id": changed.weld_id,
-        "decision_changed": changed.decision_changed,
-        "peak_force_change_percent": changed.peak_force_change_percent,
-        "recorded": changed.recorded,
-        "computed": changed.computed,
-    }
-
-
-def _comparison(result: Any) -> dict[str, Any]:
-    return {
-        "weld_id": result.weld_id,
-        "kind": result.kind,
-        "equal": not result.differences,
-        "differences": list(result.differences),
-    }
-
-
-@app.command()
 def schema(
     write: Annotated[Path | None, typer.Option(help="Folder to write one JSON Schema a message to.")] = None,
+    config: Annotated[Path | None, typer.Option(help="Folder for the parameter file and its schema.")] = None,
 ) -> None:
-    """The messages' JSON Schemas: to standard output, or written to a folder."""
+    """The messages' JSON Schemas: to standard output, or written to a folder; also those of parameter files."""
+    from weld_force_ros import node_parameters
     from weld_force_ros.contract import TOPICS, json_schema
 
     for kind in TOPICS:
-        text = msgspec.json.format(msgspec.json.encode(json_schema(kind)), indent=2) + b"\n"
-        if write is None:
+        if write is None and config is None:
             sys.stdout.write(msgspec.json.encode(json_schema(kind)).decode() + "\n")
-        else:
-            with json_lines.writing(write / f"{kind.__name__}.json") as file:
-                file.write(text.decode())
+        elif write is not None:
+            _write(write / f"{kind.__name__}.json", _indented(json_schema(kind)))
+    if config is not None:
+        _write(config / "schema.json", _indented(node_parameters.config_schema()))
+        _write(config / "default.yaml", node_parameters.default_config())
+
+
+def _indented(content: dict[str, Any]) -> str:
+    return msgspec.json.format(msgspec.json.encode(content), indent=2).decode() + "\n"
+
+
+def _write(path: Path, text: str) -> None:
+    with json_lines.writing(path) as file:
+        file.write(text)
 
 
 @app.command()
@@ -501,55 +291,6 @@ def bench(
             if not name.endswith("_spread")
         ],
     )
-
-
-@bag_app.command("info")
-def bag_info(bag: BagPath, json: Json = None) -> None:
-    """What a recording holds and what state it is in."""
-    from weld_force_ros import terminal
-    from weld_force_ros.bag import summary
-
-    found = summary(bag)
-    with json_lines.lines(json) as out:
-        json_lines.write(out, asdict(found))
-    terminal.table(
-        f"{found.path}: {found.message_count} messages, {found.duration_s:.1f} s, {found.size_bytes / 1e3:.0f} kB",
-        [("topic", ""), ("type", ""), ("messages", "right")],
-        [(t.topic, t.type_name, str(t.message_count)) for t in found.topics],
-    )
-    terminal.say(found.damage or "closed and indexed" if found.closed else f"not closed: {found.damage}")
-
-
-@bag_app.command("recover")
-def bag_recover(
-    bag: BagPath, target: Annotated[Path, typer.Argument(help="Folder of the recovered bag; must not exist.")]
-) -> None:
-    """Write what is readable of a cut recording to a proper one. Exit codes: 0 clean, 1 failed, 3 lossy."""
-    from weld_force_ros import terminal
-    from weld_force_ros.bag import recover
-
-    try:
-        recovered = recover(bag, target)
-    except InputError as error:
-        _complain(error)
-        raise typer.Exit(1) from None
-    terminal.say(f"{recovered.message_count} messages recovered to {target}, {recovered.lost_bytes} bytes unreadable")
-    if recovered.lossy:
-        raise typer.Exit(3)
-
-
-@bag_app.command("export")
-def bag_export(
-    bag: BagPath, target: Annotated[Path, typer.Argument(help="New .mcap file for Foxglove or Lichtblick.")]
-) -> None:
-    """Write the suite's messages as JSON channels with their schemas."""
-    from weld_force_ros import terminal
-    from weld_force_ros.bag import export_json
-
-    exported = export_json(bag, target)
-    for error in exported.refused:
-        _complain(error)
-    terminal.say(f"{exported.message_count} messages exported to {target}")
 
 
 def _settings(

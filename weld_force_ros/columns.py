@@ -7,11 +7,13 @@ import re
 from decimal import Decimal
 from typing import NamedTuple
 
+from weld_force_ros.contract import MAX_SAMPLES
 from weld_force_ros.errors import ProfileError
 
 MAX_FILE_BYTES = 4 * 2**20
+_MAX_LINES = MAX_SAMPLES + 10_000
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d{1,3})?", re.ASCII | re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d{1,3})?", re.ASCII | re.IGNORECASE)
 _NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
 
 
@@ -50,11 +52,15 @@ def lines_of(text: str, skip_rows: int) -> list[Line]:
     """The lines that hold something, after the first `skip_rows`.
 
     Raises:
-        ProfileError: a blank line within the rows, where samples may be missing; a negative `skip_rows`.
+        ProfileError: a blank line within the rows, where samples may be missing; a negative `skip_rows`; more lines
+            than the samples of a weld and its header can make.
     """
     if skip_rows < 0:
         raise ProfileError(f"skip_rows {skip_rows} is negative", "state how many lines to skip at the top")
-    split = [Line(n, line.strip()) for n, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1)][skip_rows:]
+    texts = re.split(r"\r\n|\r|\n", text)
+    if len(texts) > _MAX_LINES:
+        raise ProfileError(f"{len(texts)} lines, at most {_MAX_LINES}", "give one weld a file, at 0.1 mm or coarser")
+    split = [Line(n, line.strip()) for n, line in enumerate(texts, start=1)][skip_rows:]
     while split and not split[-1].text:
         split.pop()
     rows_began = False

@@ -10,14 +10,14 @@ import hashlib
 import itertools
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, Protocol, TypeVar
 
 import msgspec
 from msgspec import UNSET, Meta, UnsetType
 
 from weld_force_ros.errors import MessageError
 
-SCHEMA_VERSION = "1.0"
+SCHEMA_VERSION = "1.1"
 
 MAX_MESSAGE_BYTES = 16 * 2**20
 MAX_SAMPLES = 50_000
@@ -25,6 +25,7 @@ MAX_SPEEDS = 1_000
 MAX_POSITIONS = 1_000
 MAX_CELLS = 200_000
 MAX_TEXT = 65_536
+MAX_IDS = 1_000
 
 MIN_PROFILE_SAMPLES = 20
 MAX_PROFILE_SPACING_M = 0.010
@@ -32,9 +33,13 @@ MAX_PROFILE_AMPLITUDE_M = 0.010
 MAX_PROFILE_LENGTH_M = 5.0
 
 
+_SHA256 = r"^[0-9a-f]{64}(?!\n)$"  # to Python, $ alone is also before a last line break
+_VERSION = r"^[0-9]{1,9}\.[0-9]{1,9}(?!\n)$"
+_LONGEST_REASON = 300
+
 Name = Annotated[str, Meta(min_length=1, max_length=200)]
 Text = Annotated[str, Meta(max_length=MAX_TEXT)]
-Sha256 = Annotated[str, Meta(pattern="^[0-9a-f]{64}$", description="SHA-256, lower-case hexadecimal")]
+Sha256 = Annotated[str, Meta(pattern=_SHA256, description="SHA-256, lower-case hexadecimal")]
 Metres = Annotated[float, Meta(description="m")]
 SpeedKmh = Annotated[float, Meta(description="km/h", gt=0.0, le=1000.0)]
 ForceN = Annotated[float, Meta(description="N")]
@@ -45,6 +50,14 @@ SpeedAxis = Annotated[list[SpeedKmh], Meta(min_length=1, max_length=MAX_SPEEDS)]
 PositionAxis = Annotated[list[Metres], Meta(min_length=1, max_length=MAX_POSITIONS)]
 Decision = Annotated[Literal["accept", "grind", "reject"], Meta(extra_json_schema={"type": "string"})]
 Engine = Annotated[Literal["common-poles", "rfp", "reference"], Meta(extra_json_schema={"type": "string"})]
+LengthUnit = Annotated[Literal["m", "cm", "mm", "um"], Meta(extra_json_schema={"type": "string"})]
+UpOrDown = Annotated[Literal["up", "down"], Meta(extra_json_schema={"type": "string"})]
+ProfileId = Annotated[
+    str,
+    Meta(pattern=_SHA256, description="identity of one measurement, which ends in one verdict or rejection"),
+]
+ProfileIds = Annotated[list[ProfileId], Meta(max_length=MAX_IDS)]
+Batch = Annotated[list[float], Meta(min_length=1, max_length=MAX_SAMPLES)]
 
 
 class Stamp(msgspec.Struct, kw_only=True, frozen=True):
@@ -60,7 +73,7 @@ class Message(msgspec.Struct, kw_only=True):
     `publisher` is a node's full name and a token of its start: DDS tells a Python subscriber not who sent a message.
     """
 
-    schema_version: Annotated[str, Meta(pattern=r"^\d+\.\d+$")] = SCHEMA_VERSION
+    schema_version: Annotated[str, Meta(pattern=_VERSION)] = SCHEMA_VERSION
     publisher: Annotated[str, Meta(max_length=300)] = ""
     sequence: Annotated[int, Meta(ge=0)] = 0
     stamp: Stamp = Stamp()
@@ -81,6 +94,7 @@ class WeldProfile(Message, kw_only=True):
     x_m: Samples
     z_m: Samples
     profile_sha256: Sha256
+    profile_id: ProfileId | UnsetType = UNSET
     source_sha256: Sha256 | UnsetType = UNSET
     rail: Name | UnsetType = UNSET
     instrument: Name | UnsetType = UNSET
@@ -161,6 +175,7 @@ class ForceMap(Message, kw_only=True):
 
     weld_id: Name
     profile_sha256: Sha256
+    profile_id: ProfileId | UnsetType = UNSET
     config_sha256: Sha256
     track: Name
     engine: Engine
@@ -205,6 +220,7 @@ class ForceHistory(Message, kw_only=True):
 
     weld_id: Name
     profile_sha256: Sha256
+    profile_id: ProfileId | UnsetType = UNSET
     config_sha256: Sha256
     speed_kmh: SpeedKmh
     position_m: Metres
@@ -237,6 +253,7 @@ class Verdict(Message, kw_only=True):
 
     weld_id: Name
     profile_sha256: Sha256
+    profile_id: ProfileId | UnsetType = UNSET
     config_sha256: Sha256
     limits_sha256: Sha256
     software: Name
@@ -263,6 +280,51 @@ class Rejection(Message, kw_only=True):
     raw_truncated: bool = False
     source_sha256: Sha256 | UnsetType = UNSET
     profile_sha256: Sha256 | UnsetType = UNSET
+    profile_id: ProfileId | UnsetType = UNSET
+
+
+class RailSurface(Message, kw_only=True):
+    """A batch of running-surface samples in the order measured; batches may overlap, and the trolley may reverse."""
+
+    chainage: Batch
+    height: Batch
+    chainage_unit: LengthUnit
+    height_unit: LengthUnit
+    height_positive: UpOrDown
+
+    def problem(self) -> str | None:
+        """Not one height for every chainage; else None."""
+        if len(self.chainage) == len(self.height):
+            return None
+        return f"{len(self.chainage)} chainages but {len(self.height)} heights"
+
+
+class WeldMarker(Message, kw_only=True):
+    """Here is a weld: at `chainage_m`, or where the trolley is now; what is known of it goes into its profile."""
+
+    chainage_m: Metres | UnsetType = UNSET
+    weld_id: Name | UnsetType = UNSET
+    line_speed_kmh: SpeedKmh | UnsetType = UNSET
+    weld_position_m: (
+        Annotated[float, Meta(description="m of the weld's centre after the preceding sleeper", ge=0.0)] | UnsetType
+    ) = UNSET
+
+
+class Inquiry(Message, kw_only=True):
+    """Which of these measurements have their verdict or rejection? Answered on `settled`."""
+
+    profile_ids: ProfileIds
+
+
+class Settled(Message, kw_only=True):
+    """These measurements have their verdict or rejection, recorded and published.
+
+    The assessment node says so of each as it comes; asked by an Inquiry, it names those that have (perhaps none).
+    """
+
+    profile_ids: ProfileIds
+    asked_by: Annotated[str, Meta(max_length=300, description="publisher of the inquiry; empty: not asked")] = ""
+    asked_sequence: Annotated[int, Meta(ge=0)] = 0
 
 
 class Topic(msgspec.Struct, frozen=True):
@@ -282,6 +344,10 @@ TOPICS: dict[type[Message], Topic] = {
         Topic("force_history", ForceHistory, True, "the worst passage of a map"),
         Topic("verdict", Verdict, True, "decisions"),
         Topic("rejection", Rejection, True, "inputs that could not be used"),
+        Topic("rail_surface", RailSurface, False, "running surface under the trolley, as it comes"),
+        Topic("weld_marker", WeldMarker, False, "places where somebody saw a weld"),
+        Topic("inquiry", Inquiry, False, "which measurements have an outcome?"),
+        Topic("settled", Settled, True, "measurements that have their outcome"),
         Topic("simulation_settings", SimulationSettings, True, "track, engine, grid and wheel in force"),
         Topic("assessment_settings", AssessmentSettings, True, "limits in force"),
     )
@@ -291,7 +357,7 @@ M = TypeVar("M", bound=Message)
 
 
 class _Version(msgspec.Struct):
-    schema_version: str
+    schema_version: Annotated[str, Meta(pattern=_VERSION)]
 
 
 def encode(message: Message) -> bytes:
@@ -328,11 +394,17 @@ def decode(kind: type[M], data: bytes | str) -> M:
             )
         message = msgspec.json.decode(raw, type=kind)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise MessageError(f"{name}: {error}", f"send JSON after msgs_json/{name}.json") from None
+        raise MessageError(f"{name}: {legible(str(error))}", f"send JSON after msgs_json/{name}.json") from None
     problem = _not_finite(message) or message.problem()
     if problem:
         raise MessageError(f"{name}: {problem}", f"send JSON after msgs_json/{name}.json")
     return message
+
+
+def legible(reason: str) -> str:
+    """A parser's message as a clause of one short line: it may hold any part of the input."""
+    line = " ".join("".join(c if c.isprintable() else " " for c in reason).split())
+    return line if len(line) <= _LONGEST_REASON else line[:_LONGEST_REASON] + "…"
 
 
 def _not_finite(message: msgspec.Struct) -> str | None:
@@ -386,6 +458,24 @@ def profile_problem(x_m: Sequence[float], z_m: Sequence[float]) -> str | None:
 def profile_sha256(x_m: Sequence[float], z_m: Sequence[float]) -> str:
     """Identity of a geometry: SHA-256 of the JSON of its samples (shortest round-trip decimals, so exact)."""
     return _sha256([list(map(float, x_m)), list(map(float, z_m))])
+
+
+def measurement_id(source: str, content_sha256: str) -> str:
+    """Identity of one measurement: of where it came from (a file's name) and of its content."""
+    return _sha256([source, content_sha256])
+
+
+class _About(Protocol):
+    weld_id: str
+    profile_sha256: str
+    profile_id: str | UnsetType
+
+
+def identity(message: _About) -> str:
+    """Which measurement a message is about; of publishers that name none, one geometry of one weld is one."""
+    if isinstance(message.profile_id, str):
+        return message.profile_id
+    return _sha256([message.weld_id, message.profile_sha256])
 
 
 def config_sha256(settings: SimulationSettings) -> str:

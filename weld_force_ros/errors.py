@@ -38,5 +38,9 @@ class BagError(InputError):
     """A recording that cannot be read or written."""
 
 
+class DiskFullError(BagError):
+    """A message that was not recorded because the disk is full; it may be given again when there is room."""
+
+
 class NumericalError(WeldForceError):
     """A computation that did not give a usable number."""

@@ -16,6 +16,7 @@ and an instrument's tilt, which may exceed 10 mm on its own, is no part of it.
 import decimal
 import difflib
 import hashlib
+import itertools
 import math
 import os
 import re
@@ -159,7 +160,7 @@ def _profile(raw: bytes, source: str, form: PlainForm) -> WeldProfile:
     _check_bounds(x_m, z_m, samples, stated)
     content: dict[str, Any] = {"weld_id": Path(source).stem[:200] or source[:200]}
     content |= {key: stated[key].text for key in _TEXTS if key in stated}
-    content |= {key: float(number(stated[key].text, stated[key].where + key)) for key in _NUMBERS if key in stated}
+    content |= {key: _stated_number(stated[key], key) for key in _NUMBERS if key in stated}
     content |= {"source": source[-200:], "x_m": x_m, "z_m": z_m, "conditioning": conditioning}
     content |= {"profile_sha256": profile_sha256(x_m, z_m), "source_sha256": hashlib.sha256(raw).hexdigest()}
     try:
@@ -167,6 +168,13 @@ def _profile(raw: bytes, source: str, form: PlainForm) -> WeldProfile:
     except msgspec.ValidationError as error:
         problem, _, field = str(error).partition(" - at `$.")
         raise ProfileError(f"{field.rstrip('`')}: {problem}", "correct this statement") from None
+
+
+def _stated_number(statement: _Statement, key: str) -> float:
+    value = float(number(statement.text, statement.where + key))
+    if not math.isfinite(value):
+        raise ProfileError(f"{statement.where}{key} {quoted(statement.text)} is too large", "correct this statement")
+    return value
 
 
 def _statements(comments: list[Line], form: PlainForm) -> dict[str, _Statement]:
@@ -291,9 +299,9 @@ def _centre(x: list[Decimal], stated: Mapping[str, _Statement]) -> tuple[Decimal
 
 def _without_line(x: list[Decimal], z: list[Decimal]) -> tuple[list[Decimal], str]:
     """The heights less the line between the two ends."""
-    run, rise = x[-1] - x[0], z[-1] - z[0]
-    if run <= 0:
+    if any(after <= before for before, after in itertools.pairwise(x)):
         return z, "not detrended"  # such positions are refused with the bounds
+    run, rise = x[-1] - x[0], z[-1] - z[0]
     offset_um, slope_mm_per_m = float(z[0]) * 1e6, float(rise / run) * 1e3
     line = f"line between the ends removed: {offset_um:.6g} um at the start, slope {slope_mm_per_m:.6g} mm/m"
     return [height - z[0] - rise * (at - x[0]) / run for at, height in zip(x, z, strict=True)], line

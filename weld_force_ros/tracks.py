@@ -4,6 +4,7 @@ import math
 import os
 from dataclasses import dataclass
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
@@ -11,6 +12,7 @@ import msgspec
 import yaml
 from msgspec import Meta
 
+from weld_force_ros.contract import legible
 from weld_force_ros.core.track import Rail, Spring, Track
 from weld_force_ros.core.wheel import Wheel
 from weld_force_ros.errors import TrackError
@@ -99,8 +101,8 @@ def load(name_or_path: str) -> TrackDefinition:
             f"track {name_or_path!r} is neither shipped nor a YAML file", f"use {', '.join(shipped())} or FILE.yaml"
         )
     try:
-        text = path.read_bytes()[: _LONGEST_FILE + 1].decode()
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_yaml(path).decode()
+    except (OSError, ValueError) as error:
         raise TrackError(f"track file {path}: {error}", "give a readable YAML file") from None
     return parse(text, str(path))
 
@@ -116,8 +118,9 @@ def parse(text: str, source: str) -> TrackDefinition:
     try:
         file = decode_yaml(text.encode(), _TrackFile)
     except (msgspec.DecodeError, ValueError) as error:
-        reason = " ".join(str(error).split())
-        raise TrackError(f"track file {source}: {reason}", "write it after data/tracks/bilbao.yaml") from None
+        raise TrackError(
+            f"track file {source}: {legible(str(error))}", "write it after data/tracks/bilbao.yaml"
+        ) from None
     reader = _Reader(source)
     rail, supports, wheel = file.rail, file.supports, file.wheel
     positive = reader.positive
@@ -145,6 +148,19 @@ def parse(text: str, source: str) -> TrackDefinition:
         hertz_n_per_m15=positive("wheel.hertz_gn_per_m15", wheel.hertz_gn_per_m15) * 1e9,
     )
     return TrackDefinition(track, rolling, file.description, text)
+
+
+def read_yaml(path: Traversable) -> bytes:
+    """The content of a YAML file, which is never read beyond the size that one can have.
+
+    Raises:
+        OSError, ValueError: not readable, or too large.
+    """
+    with path.open("rb") as file:
+        data = file.read(_LONGEST_FILE + 1)
+    if len(data) > _LONGEST_FILE:
+        raise ValueError(f"over {_LONGEST_FILE} bytes")
+    return data
 
 
 def decode_yaml(data: bytes, kind: type[T]) -> T:

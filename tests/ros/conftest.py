@@ -26,7 +26,7 @@ def ros_environment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 @pytest.fixture(scope="session")
 def worker_domains() -> Iterator[Iterator[int]]:
     """Domain ids that no other test process on this machine uses."""
-    locks = []
+    locks, mine = [], []
 
     def ids() -> Iterator[int]:
         for number in range(1, 101):
@@ -37,7 +37,10 @@ def worker_domains() -> Iterator[Iterator[int]]:
                 lock.close()
                 continue
             locks.append(lock)
+            mine.append(number)
             yield number
+        while True:  # those of tests that ended longest ago
+            yield from mine
 
     yield ids()
     for lock in locks:

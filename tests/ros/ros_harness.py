@@ -118,15 +118,25 @@ class Probe:
         self._thread = threading.Thread(target=self._executor.spin, daemon=True)
         self._publishers: dict[str, Any] = {}
 
-    def publish(self, topic: str, data: str | bytes) -> None:
+    def publish(self, topic: str, data: str | bytes, profile: Any = qos.CONTRACT) -> None:
         if topic not in self._publishers:
-            self._publishers[topic] = self._node.create_publisher(String, topic, qos.CONTRACT)
+            self._publishers[topic] = self._node.create_publisher(String, topic, profile)
+            if profile is not qos.CONTRACT:  # not kept for who is found later
+                wait_until(lambda: self._publishers[topic].get_subscription_count())
         self._publishers[topic].publish(String(data=data) if isinstance(data, str) else data)
 
     def collect(self, topic: str, message_type: type, profile: Any) -> Outcomes:
         collected = Outcomes()
         self._node.create_subscription(message_type, topic, collected, profile)
         return collected
+
+    def call(self, service_type: Any, name: str, request: Any) -> Any:
+        """The answer of a service."""
+        client = self._node.create_client(service_type, name)
+        assert client.wait_for_service(DEADLINE_S), f"no service {name}"
+        future = client.call_async(request)
+        wait_until(future.done)
+        return future.result()
 
     def __enter__(self) -> Self:
         self._thread.start()

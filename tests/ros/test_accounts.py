@@ -5,7 +5,7 @@ import itertools
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weld_force_ros.ros.accounts import GapCounter, Header, Repeats, header_of
+from weld_force_ros.ros.accounts import GapCounter, Header, header_of
 
 
 def header(sequence: int, publisher: str = "/a#1") -> Header:
@@ -18,8 +18,8 @@ def test_missing_numbers_are_counted_for_each_publisher(count: int, lost: set[in
     arrived = [n for n in range(count) if n not in lost]
     for sequence, who in itertools.product(arrived, range(publishers)):
         gaps.note("topic", header(sequence, f"/{who}"))
-    missing_before_the_last = (max(arrived) + 1 - len(arrived)) if arrived else 0
-    assert gaps.missed == publishers * missing_before_the_last
+    missing_between = (max(arrived) + 1 - min(arrived) - len(arrived)) if arrived else 0
+    assert gaps.missed == publishers * missing_between
 
 
 def test_topics_are_counted_apart() -> None:
@@ -48,23 +48,16 @@ def test_header_is_read_of_a_broken_message() -> None:
     assert header_of('{"sequence": -1}') is None
 
 
-def test_same_message_is_new_once() -> None:
-    repeats = Repeats()
-    assert [repeats.is_new("weld", "/a", 4) for _ in range(3)] == [True, False, False]
+def test_message_that_came_before_is_known_again() -> None:
+    gaps = GapCounter()
+    assert [gaps.note("topic", header(n)) for n in (3, 4, 3, 4, 5)] == [False, False, True, True, False]
+    assert gaps.missed == 0
 
 
-def test_publisher_may_repeat_itself_on_purpose() -> None:
-    repeats = Repeats()
-    assert [repeats.is_new("weld", "/a", n) for n in (1, 2)] == [True, True]
-
-
-@given(st.lists(st.sampled_from("xyz"), max_size=12), st.integers(1, 4))
-def test_restarts_add_nothing_to_what_was_sent_first(contents: list[str], starts: int) -> None:
-    repeats = Repeats()
-    new = [
-        content
-        for start in range(starts)
-        for sequence, content in enumerate(contents)
-        if repeats.is_new(content, f"/node#{start}", sequence)
-    ]
-    assert new == contents
+def test_what_came_to_a_process_before_is_a_repeat_and_no_gap() -> None:
+    gaps = GapCounter()
+    for sequence in (0, 1, 7):
+        gaps.join("topic", header(sequence))
+    assert gaps.missed == 0
+    assert [gaps.note("topic", header(n)) for n in (6, 7, 8, 10)] == [True, True, False, False]
+    assert gaps.missed == 1

@@ -3,14 +3,14 @@
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from ros_harness import Outcomes, wait_until
 
-from weld_force_ros.ros.folder import FolderWatcher
+from weld_force_ros.ros.folder import AT_ONCE, FolderWatcher
 
 
 @contextmanager
@@ -18,7 +18,11 @@ def watching(folder: Path, settle_s: float = 0.05) -> Iterator[tuple[FolderWatch
     """The watcher, and what it hands over: the file's name and its content then."""
     taken = Outcomes()
     watcher = FolderWatcher(
-        folder, (".csv", ".txt"), settle_s, lambda path: taken((path.name, path.read_text())), lambda problem: None
+        folder,
+        (".csv", ".txt"),
+        settle_s,
+        lambda paths: [taken((path.name, path.read_text())) for path in paths],
+        lambda problem: None,
     )
     watcher.start()
     try:
@@ -51,7 +55,11 @@ def test_file_is_taken_no_sooner_than_it_has_stood_still(folder: Path) -> None:
     written_at: dict[str, float] = {}
     taken = Outcomes()
     watcher = FolderWatcher(
-        folder, (".csv",), settle_s, lambda path: taken((path.read_text(), time.monotonic())), lambda problem: None
+        folder,
+        (".csv",),
+        settle_s,
+        lambda paths: [taken((path.read_text(), time.monotonic())) for path in paths],
+        lambda problem: None,
     )
     watcher.start()
     try:
@@ -68,28 +76,43 @@ def test_file_is_taken_no_sooner_than_it_has_stood_still(folder: Path) -> None:
     assert all(taken_at - written_at[content] >= settle_s for content, taken_at in taken.messages)
 
 
-def test_file_that_grows_while_another_is_read_must_stand_still_anew(folder: Path) -> None:
+def test_file_that_grows_while_it_is_in_hand_is_taken_again_once_it_stands_still(folder: Path) -> None:
     settle_s, pause = 0.2, threading.Event()
     written_at: list[float] = []
     taken = Outcomes()
 
-    def take(path: Path) -> None:
-        if path.name == "a.csv":
-            pause.wait(2 * settle_s)  # slow to read
+    def take(paths: Sequence[Path]) -> None:
+        contents = [path.read_text() for path in paths]
+        if not written_at:
+            pause.wait(2 * settle_s)  # slow to deal with
             written_at.append(time.monotonic())
             (folder / "b.csv").write_text("first second")
-        taken((path.name, path.read_text(), time.monotonic()))
+        for path, content in zip(paths, contents, strict=True):
+            taken((path.name, content, time.monotonic()))
 
     (folder / "a.csv").write_text("a")
     (folder / "b.csv").write_text("first ")
     watcher = FolderWatcher(folder, (".csv",), settle_s, take, lambda problem: None)
     watcher.start()
     try:
-        _, (name, content, taken_at) = taken.wait(2)
+        *_, (name, content, taken_at) = taken.wait(3)
     finally:
         watcher.close(5.0)
     assert (name, content) == ("b.csv", "first second")
     assert taken_at - written_at[0] >= settle_s
+
+
+def test_many_files_are_handed_over_some_at_a_time(folder: Path) -> None:
+    for number in range(AT_ONCE + 5):
+        (folder / f"{number:04}.csv").write_text("x")
+    handed: list[int] = []
+    watcher = FolderWatcher(folder, (".csv",), 0.0, lambda paths: handed.append(len(paths)), lambda problem: None)
+    watcher.start()
+    try:
+        wait_until(lambda: sum(handed) == AT_ONCE + 5)
+    finally:
+        watcher.close(5.0)
+    assert max(handed) <= AT_ONCE
 
 
 def test_changed_file_is_taken_again(folder: Path) -> None:
@@ -115,7 +138,7 @@ def test_files_of_a_relative_folder_keep_their_path(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     taken = Outcomes()
-    watcher = FolderWatcher(Path(folder.name), (".csv",), 0.05, taken, lambda problem: None)
+    watcher = FolderWatcher(Path(folder.name), (".csv",), 0.05, lambda paths: taken(*paths), lambda problem: None)
     (folder / "a.csv").write_text("there before")
     watcher.start()
     try:
@@ -146,7 +169,7 @@ def test_folder_that_comes_back_is_watched_again(folder: Path, tmp_path: Path) -
         problems.append(problem)
         noticed.set()
 
-    watcher = FolderWatcher(folder, (".csv",), 0.05, lambda path: taken(path.name), complain)
+    watcher = FolderWatcher(folder, (".csv",), 0.05, lambda paths: taken(paths[0].name), complain)
     folder.rmdir()
     watcher.start()
     try:
@@ -162,7 +185,7 @@ def test_folder_that_comes_back_is_watched_again(folder: Path, tmp_path: Path) -
 @pytest.mark.parametrize("already_running", [True, False])
 def test_closed_watcher_takes_nothing_more(folder: Path, already_running: bool) -> None:
     taken = Outcomes()
-    watcher = FolderWatcher(folder, (".csv",), 0.0, taken, lambda problem: None)
+    watcher = FolderWatcher(folder, (".csv",), 0.0, lambda paths: taken(*paths), lambda problem: None)
     if already_running:
         watcher.start()
     watcher.close(5.0)

@@ -1,22 +1,30 @@
 """Recordings: MCAP in the form that rosbag2 (Jazzy) gives it, written and read without ROS.
 
-While a recording runs, each message is one whole write to an unchunked file, so that a killed process loses none. At
-close the file is completed, then rewritten beside in compressed and indexed chunks and exchanged at once: whenever the
-process ends, a readable recording lies there. Reading goes straight through the records and needs no index, so that
-an intact and a cut file are read alike, the cut one up to the cut.
+While a recording runs, each message is one whole write to an unchunked file, so that a killed process loses none. A
+file that is finished, by a split or at the end, is completed, then rewritten beside in compressed and indexed chunks
+and exchanged at once: whenever the process ends, a readable recording lies there, and the next one continues it.
+Reading goes straight through the records and needs no index, so that an intact and a cut file are read alike, the cut
+one up to the cut.
 """
 
+from weld_force_ros.bag.export import ExportReport, export_json
 from weld_force_ros.bag.form import STRING, MessageDefinition, offered_qos, string_cdr
-from weld_force_ros.bag.reading import Bag, Recorded, Summary, TopicSummary, open_bag, summary
-from weld_force_ros.bag.suite import ContractMessage, ExportReport, contract_messages, export_json
-from weld_force_ros.bag.writing import Recorder, RecoveryReport, recover
+from weld_force_ros.bag.mcap_file import Recorded
+from weld_force_ros.bag.reading import Bag, FileSummary, Summary, TopicSummary, open_bag, stored, summary
+from weld_force_ros.bag.recorder import Recorder
+from weld_force_ros.bag.recovery import RecoveryReport, recover
+from weld_force_ros.bag.suite import ContractMessage, Outcomes, contract_messages, outcomes
+from weld_force_ros.bag.tables import FORMATS, export_tables
 
 __all__ = [
+    "FORMATS",
     "STRING",
     "Bag",
     "ContractMessage",
     "ExportReport",
+    "FileSummary",
     "MessageDefinition",
+    "Outcomes",
     "Recorded",
     "Recorder",
     "RecoveryReport",
@@ -24,9 +32,12 @@ __all__ = [
     "TopicSummary",
     "contract_messages",
     "export_json",
+    "export_tables",
     "offered_qos",
     "open_bag",
+    "outcomes",
     "recover",
+    "stored",
     "string_cdr",
     "summary",
 ]

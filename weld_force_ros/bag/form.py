@@ -1,6 +1,8 @@
 """The form of a recording: what rosbag2 says of channels, and what it keeps in `metadata.yaml`."""
 
 import struct
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import yaml
@@ -65,25 +67,26 @@ def string_cdr(text: str) -> bytes:
     return struct.pack("<4sI", b"\x00\x01\x00\x00", len(data) + 1) + data + b"\x00"
 
 
+@dataclass
 class Tally:
-    """What a recording holds, by channel, and in what order of time.
+    """What a file holds, by channel, and in what order of time.
 
     Attributes:
         counts: messages by (topic, definition).
+        first_ns: the earliest log time; None without messages.
         last_ns: the latest log time.
         lateness_ns: how far back in time a message lies, at most, behind one stored before it.
     """
 
-    def __init__(self) -> None:
-        self.counts: dict[tuple[str, MessageDefinition], int] = {}
-        self.last_ns = 0
-        self.lateness_ns = 0
-        self._first_ns: int | None = None
+    counts: dict[tuple[str, MessageDefinition], int] = field(default_factory=dict)
+    first_ns: int | None = None
+    last_ns: int = 0
+    lateness_ns: int = 0
 
     def add(self, topic: str, definition: MessageDefinition, log_time_ns: int) -> None:
         """Count one message."""
         self.counts[topic, definition] = self.counts.get((topic, definition), 0) + 1
-        self._first_ns = log_time_ns if self._first_ns is None else min(self._first_ns, log_time_ns)
+        self.first_ns = log_time_ns if self.first_ns is None else min(self.first_ns, log_time_ns)
         self.last_ns = max(self.last_ns, log_time_ns)
         self.lateness_ns = max(self.lateness_ns, self.last_ns - log_time_ns)
 
@@ -95,7 +98,7 @@ class Tally:
     @property
     def start_ns(self) -> int:
         """The earliest log time; 0 without messages."""
-        return self._first_ns or 0
+        return self.first_ns or 0
 
     @property
     def duration_ns(self) -> int:
@@ -103,20 +106,25 @@ class Tally:
         return self.last_ns - self.start_ns
 
 
-def information(file_name: str, tally: Tally) -> dict[str, Any]:
-    """What rosbag2's metadata, version 9, says of a bag of one file."""
+def together(tallies: Iterable[Tally]) -> Tally:
+    """What several files hold; how late messages come is told of each file, not of all."""
+    whole = Tally()
+    for tally in tallies:
+        for channel, count in tally.counts.items():
+            whole.counts[channel] = whole.counts.get(channel, 0) + count
+        if tally.first_ns is not None:
+            whole.first_ns = tally.first_ns if whole.first_ns is None else min(whole.first_ns, tally.first_ns)
+            whole.last_ns = max(whole.last_ns, tally.last_ns)
+    return whole
 
-    def extent() -> dict[str, Any]:
-        return {
-            "duration": {"nanoseconds": tally.duration_ns},
-            "starting_time": {"nanoseconds_since_epoch": tally.start_ns},
-            "message_count": tally.message_count,
-        }
 
+def information(files: Mapping[str, Tally]) -> dict[str, Any]:
+    """What rosbag2's metadata, version 9, says of a bag: its files by name, and what each holds."""
+    whole = together(files.values())
     return {
         "version": 9,
         "storage_identifier": "mcap",
-        **extent(),
+        **_extent(whole),
         "topics_with_message_count": [
             {
                 "topic_metadata": {
@@ -128,14 +136,22 @@ def information(file_name: str, tally: Tally) -> dict[str, Any]:
                 },
                 "message_count": count,
             }
-            for (topic, definition), count in tally.counts.items()
+            for (topic, definition), count in whole.counts.items()
         ],
         "compression_format": "",
         "compression_mode": "",
-        "relative_file_paths": [file_name],
-        "files": [{"path": file_name, **extent()}],
+        "relative_file_paths": list(files),
+        "files": [{"path": name, **_extent(tally)} for name, tally in files.items()],
         "custom_data": None,
         "ros_distro": "jazzy",
+    }
+
+
+def _extent(tally: Tally) -> dict[str, Any]:
+    return {
+        "duration": {"nanoseconds": tally.duration_ns},
+        "starting_time": {"nanoseconds_since_epoch": tally.start_ns},
+        "message_count": tally.message_count,
     }
 
 

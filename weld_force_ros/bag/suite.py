@@ -1,17 +1,16 @@
-"""The suite's own messages in a recording: read after the contract, and exported as plain JSON."""
+"""The suite's own messages in a recording: read after the contract, and the outcomes among them counted."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import lru_cache
-from pathlib import Path
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import msgspec
+from msgspec import UNSET, UnsetType
 
 from weld_force_ros import contract
-from weld_force_ros.bag.form import STRING, MessageDefinition
-from weld_force_ros.bag.reading import Bag, Recorded, open_bag
-from weld_force_ros.bag.writing import McapWriter, disk, new_file, refuse_existing
+from weld_force_ros.bag.form import STRING
+from weld_force_ros.bag.mcap_file import Recorded
+from weld_force_ros.bag.reading import Bag
 from weld_force_ros.errors import BagError, MessageError
 
 
@@ -28,16 +27,22 @@ def contract_messages(bag: Bag) -> Iterator[ContractMessage]:
 
     One that breaks the contract comes as a BagError in its place, so that the others are not lost.
     """
-    for recorded, message in _suite_messages(bag):
+    for recorded, message in recorded_messages(bag):
         yield ContractMessage(recorded.topic, message, recorded.log_time_ns)
 
 
-def _suite_messages(bag: Bag) -> Iterator[tuple[Recorded, contract.Message | BagError]]:
-    kinds = {topic.name: topic.type for topic in contract.TOPICS.values()}
-    for recorded in bag.messages():
-        kind = kinds.get(recorded.topic.rpartition("/")[2])
-        if kind is not None and recorded.definition.name == STRING.name:
-            yield recorded, _contract_message(recorded, kind)
+def recorded_messages(bag: Bag) -> Iterator[tuple[Recorded, contract.Message | BagError]]:
+    """As `contract_messages`, each with what it was recorded as."""
+    for recorded, kind in _of_suite(bag, contract.TOPICS):
+        yield recorded, _contract_message(recorded, kind)
+
+
+def _of_suite(bag: Bag, kinds: Collection[type[contract.Message]]) -> Iterator[tuple[Recorded, type[contract.Message]]]:
+    by_name = {contract.TOPICS[kind].name: kind for kind in kinds}
+    named = {topic for topic, _ in bag.tally.counts if topic.rpartition("/")[2] in by_name}
+    for recorded in bag.messages(named):
+        if recorded.definition.name == STRING.name:
+            yield recorded, by_name[recorded.topic.rpartition("/")[2]]
 
 
 def _contract_message(recorded: Recorded, kind: type[contract.Message]) -> contract.Message | BagError:
@@ -50,43 +55,78 @@ def _contract_message(recorded: Recorded, kind: type[contract.Message]) -> contr
 
 
 @dataclass(frozen=True)
-class ExportReport:
-    """What was exported, and the messages that were not because they break the contract."""
+class Outcomes:
+    """How the measurements of a recording ended.
 
-    message_count: int
-    refused: tuple[BagError, ...]
-
-
-def export_json(source: Path, target: Path) -> ExportReport:
-    """Write the suite's messages as JSON with their schemas to an MCAP of their own, for Foxglove and Lichtblick.
-
-    Args:
-        source: a bag folder or an .mcap file.
-        target: the new .mcap file; must not exist.
-
-    Raises:
-        BagError: the source is unreadable or holds no message of the suite, or the target exists or cannot be written.
+    Attributes:
+        measurements: profiles, each counted once however often it was recorded.
+        verdicts: recorded verdicts.
+        rejections: recorded rejections, of measurements and of files that were none.
+        open: profiles with neither.
+        doubled: measurements with more than one outcome.
     """
-    bag = open_bag(source)
-    refuse_existing(target)
-    refused: list[BagError] = []
-    with disk(target), new_file(target) as stream:
-        writer = McapWriter(stream, chunked=True, profile="")
-        for recorded, message in _suite_messages(bag):
-            if isinstance(message, BagError):
-                refused.append(message)
-                continue
-            # Encoded anew: fields that the schema does not know may hold what Lichtblick throws on.
-            data = contract.encode(message)
-            writer.add(recorded.topic, _json_definition(type(message)), data, *recorded[3:])
-        writer.finish()
-        if not writer.tally.message_count:
-            raise BagError(f"{source} holds no usable message of this suite", "record with `weld-force up` or `demo`")
-    return ExportReport(writer.tally.message_count, tuple(refused))
+
+    measurements: int
+    verdicts: int
+    rejections: int
+    open: int
+    doubled: int
 
 
-@lru_cache
-def _json_definition(kind: type[contract.Message]) -> MessageDefinition:
-    schema = msgspec.json.encode(contract.json_schema(kind)).decode()
-    name = f"weld_force_ros/{kind.__name__}"
-    return MessageDefinition(name, schema, schema_encoding="jsonschema", message_encoding="json")
+class _Entry(msgspec.Struct):
+    """What of a message tells which measurement it is about."""
+
+    weld_id: str = ""
+    profile_sha256: str = ""
+    profile_id: str | UnsetType = UNSET
+
+
+@dataclass
+class _Account:
+    profiles: dict[str, str] = field(default_factory=dict)
+    settled: set[str] = field(default_factory=set)
+    doubled: set[str] = field(default_factory=set)
+    refused_geometries: set[str] = field(default_factory=set)
+    verdicts: int = 0
+    rejections: int = 0
+
+    def settle(self, measurement: str) -> None:
+        if measurement in self.settled:
+            self.doubled.add(measurement)
+        self.settled.add(measurement)
+
+    def enter(self, kind: type[contract.Message], entry: _Entry) -> None:
+        if kind is contract.WeldProfile:
+            self.profiles[contract.identity(entry)] = entry.profile_sha256
+        elif kind is contract.Verdict:
+            self.verdicts += 1
+            self.settle(contract.identity(entry))
+        else:
+            self.rejections += 1
+            if isinstance(entry.profile_id, str):
+                self.settle(entry.profile_id)
+            else:
+                self.refused_geometries.add(entry.profile_sha256)
+
+    def is_open(self, measurement: str, profile_sha256: str) -> bool:
+        return measurement not in self.settled and profile_sha256 not in self.refused_geometries
+
+
+def outcomes(bag: Bag) -> Outcomes | None:
+    """Count what became of the measurements; None for a bag without profile, verdict or rejection."""
+    account = _Account()
+    for recorded, kind in _of_suite(bag, (contract.WeldProfile, contract.Verdict, contract.Rejection)):
+        try:
+            entry = msgspec.json.decode(recorded.content.data, type=_Entry)
+        except (BagError, msgspec.DecodeError):
+            continue  # what cannot be read settles nothing
+        account.enter(kind, entry)
+    if not (account.profiles or account.verdicts or account.rejections):
+        return None
+    return Outcomes(
+        measurements=len(account.profiles),
+        verdicts=account.verdicts,
+        rejections=account.rejections,
+        open=sum(account.is_open(*profile) for profile in account.profiles.items()),
+        doubled=len(account.doubled),
+    )

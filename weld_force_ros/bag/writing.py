@@ -1,34 +1,48 @@
-"""Writing recordings: message by message while a process runs, and whole ones from what was read."""
+"""Writing MCAP files in rosbag2's form, and putting files and folders in place as wholes."""
 
+import errno
 import os
 import shutil
-import threading
-import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Any, BinaryIO, Self
+from typing import Any, BinaryIO
 
 from mcap.writer import Writer
 
-from weld_force_ros.bag.form import MAX_RECORD_BYTES, MessageDefinition, Tally, information, to_yaml
-from weld_force_ros.bag.reading import Bag, open_bag
+from weld_force_ros.bag.form import MessageDefinition, Tally, information, to_yaml
+from weld_force_ros.bag.mcap_file import McapFile, Recorded
 from weld_force_ros.errors import BagError
 
-SYNC_INTERVAL_S = 1.0
-"""How often, at most, a recording is forced to the disk: what a power cut may take beyond a killed process."""
+PART = ".part"
+"""What the name of a file ends in while it is written."""
+
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
+"""What the operating system says of a full disk, and of a user's full share of it."""
 
 
-class _WholeWrites:
+class WholeWrites:
     """A file that grows by whole writes: one that fails leaves the file as it was before."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("xb", buffering=0)
         self._size = 0
+        self._gathered: bytearray | None = None
+
+    @contextmanager
+    def gathering(self) -> Iterator[bytearray]:
+        """Writes are gathered, to be written as one by who asked for it."""
+        self._gathered = bytearray()
+        try:
+            yield self._gathered
+        finally:
+            self._gathered = None
 
     def write(self, data: bytes) -> int:
+        """Append all of it, or raise OSError and append nothing."""
+        if self._gathered is not None:
+            self._gathered += data
+            return len(data)
         rest = memoryview(data)
         try:
             while rest:
@@ -41,22 +55,30 @@ class _WholeWrites:
         return len(data)
 
     def tell(self) -> int:
-        return self._size
+        """Bytes written or gathered."""
+        return self._size + len(self._gathered or b"")
 
     def flush(self) -> None:
         """Nothing is held back."""
 
+    def check_exists(self) -> None:
+        """Raise OSError if somebody removed the file: what is written to it would be gone."""
+        if os.fstat(self._file.fileno()).st_nlink == 0:
+            raise FileNotFoundError(errno.ENOENT, "the file was removed while it was written", self._file.name)
+
     def sync(self) -> None:
-        os.fsync(self._file.fileno())
+        """Force what was written to the disk."""
+        os.fdatasync(self._file.fileno())
 
     def close(self) -> None:
+        """Close the file."""
         self._file.close()
 
 
 class McapWriter:
     """An MCAP file that registers channels as they come."""
 
-    def __init__(self, stream: BinaryIO | _WholeWrites, *, chunked: bool, profile: str = "ros2") -> None:
+    def __init__(self, stream: BinaryIO | WholeWrites, *, chunked: bool, profile: str = "ros2") -> None:
         self.tally = Tally()
         self._chunked = chunked
         self._schemas: dict[tuple[str, str, str], int] = {}
@@ -69,8 +91,19 @@ class McapWriter:
     ) -> None:
         """Write one message."""
         channel = self._channels.get((topic, definition)) or self._register(topic, definition)
-        self._writer.add_message(channel, log_time_ns, data, publish_time_ns)
+        try:
+            self._writer.add_message(channel, log_time_ns, data, publish_time_ns)
+        except OSError:
+            self._uncount(channel)
+            raise
         self.tally.add(topic, definition, log_time_ns)
+
+    def _uncount(self, channel: int) -> None:
+        """Take a message that failed out of the file's statistics, which the library counts before it writes."""
+        statistics = self._writer._Writer__statistics
+        statistics.channel_message_counts[channel] -= 1
+        statistics.message_count = self.tally.message_count
+        statistics.message_start_time, statistics.message_end_time = self.tally.start_ns, self.tally.last_ns
 
     def _register(self, topic: str, definition: MessageDefinition) -> int:
         described = (definition.name, definition.schema_encoding, definition.text)
@@ -96,167 +129,37 @@ class McapWriter:
         self._writer.finish()
 
 
-class Recorder:
-    """Writes one new bag; safe to use from several threads.
+def write_whole(path: Path, messages: Iterable[Recorded], tally: Tally) -> None:
+    """Write messages in log order as one compressed, indexed file in rosbag2's form, and read it before it is named.
 
-    A killed process loses nothing that `write` returned from, a power cut at most what came since the file was last
-    forced to the disk (`SYNC_INTERVAL_S`, looked at with each write).
+    Args:
+        path: the file; one that is there is exchanged at once.
+        messages: in log order.
+        tally: what they are.
 
-    Attributes:
-        directory: the bag's folder.
-        path: the MCAP file in it.
+    Raises:
+        BagError: what was written does not read back.
+        OSError: it cannot be written.
     """
-
-    def __init__(self, directory: Path) -> None:
-        """Make the folder and start the file.
-
-        Args:
-            directory: the bag's folder; must not exist.
-
-        Raises:
-            BagError: it exists already, or cannot be written.
-        """
-        self.directory = directory
-        self.path = directory / f"{directory.resolve().name}_0.mcap"
-        self._lock = threading.Lock()
-        self._closed = False
-        self._synced = -SYNC_INTERVAL_S
-        with disk(directory):
-            refuse_existing(directory)
-            directory.mkdir(parents=True)
-            self._stream = _WholeWrites(self.path)
-            self._writer = McapWriter(self._stream, chunked=False)
-            self._writer.note(self._so_far())
-            self._sync()
-            _sync_folder(directory)
-            _sync_folder(directory.resolve().parent)
-
-    def write(
-        self, topic: str, definition: MessageDefinition, cdr: bytes, *, log_time_ns: int, publish_time_ns: int
-    ) -> None:
-        """Record one message; when this returns, the message is in the file.
-
-        Args:
-            topic: full name.
-            definition: of the message's type.
-            cdr: the serialized message, with its four-byte header.
-            log_time_ns: when it was received, since the epoch.
-            publish_time_ns: when it was sent, since the epoch.
-
-        Raises:
-            BagError: this message could not be recorded (disk full, recording closed, too large); those before it
-                are kept, and later ones may be tried.
-        """
-        if not all(0 <= stamp < 2**63 for stamp in (log_time_ns, publish_time_ns)):
-            raise BagError(f"{topic}: time {log_time_ns} or {publish_time_ns} ns", "give nanoseconds since the epoch")
-        if len(cdr) > MAX_RECORD_BYTES // 2:
-            raise BagError(f"{topic}: message of {len(cdr)} bytes", f"record at most {MAX_RECORD_BYTES // 2}")
-        with self._lock:
-            if self._closed:
-                raise BagError(
-                    f"{self.directory}: message on {topic} after the recording was closed", "start a new bag"
-                )
-            with disk(self.path, f"free space; all before this message on {topic} is kept"):
-                self._writer.add(topic, definition, cdr, log_time_ns, publish_time_ns)
-                if time.monotonic() - self._synced >= SYNC_INTERVAL_S:
-                    self._sync()
-
-    def close(self) -> None:
-        """Complete the file and `metadata.yaml`, then exchange the file for a compressed and indexed one.
-
-        Raises:
-            BagError: one of these steps failed; the messages are kept.
-        """
-        with self._lock:
-            if self._closed:
-                return
-            self._closed = True
-        with disk(self.directory, "its messages are kept: free space, then run `weld-force bag recover` on it"):
-            try:
-                self._writer.note(self._so_far())
-                self._writer.finish()
-                self._stream.sync()
-            finally:
-                self._stream.close()
-            _write_metadata(self.directory, self._so_far())
-            _write_whole(self.directory, self.path.name, open_bag(self.path))
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def _so_far(self) -> dict[str, Any]:
-        return information(self.path.name, self._writer.tally)
-
-    def _sync(self) -> None:
-        self._synced = time.monotonic()
-        self._stream.sync()
-
-
-def _write_whole(directory: Path, file_name: str, bag: Bag) -> None:
-    """Write all messages of a bag in log order as one compressed, indexed file in rosbag2's form."""
-    with new_file(directory / file_name) as stream:
+    with new_file(path) as stream:
         writer = McapWriter(stream, chunked=True)
-        content = information(file_name, bag.tally)
+        content = information({path.name: tally})
         writer.note(content)
-        for recorded in bag.messages():
+        for recorded in messages:
             writer.add(*recorded)
         writer.note(content)
         writer.finish()
+        stream.flush()
+        again = McapFile(Path(stream.name))
+        again.scan()
+        if again.damage or again.tally.counts != tally.counts:
+            raise BagError(f"{path}: did not read back as written", "check the disk and try again")
 
 
-def _write_metadata(directory: Path, content: dict[str, Any]) -> None:
+def write_metadata(directory: Path, files: Mapping[str, Tally]) -> None:
+    """Write a recording's `metadata.yaml`: its files by name, and what each holds."""
     with new_file(directory / "metadata.yaml") as stream:
-        stream.write(to_yaml({"rosbag2_bagfile_information": content}).encode())
-
-
-@dataclass(frozen=True)
-class RecoveryReport:
-    """What was recovered; `damage` is None if nothing was wrong with the source."""
-
-    target: str
-    message_count: int
-    lost_bytes: int
-    damage: str | None
-
-    @property
-    def lossy(self) -> bool:
-        """Whether something written is not in the target."""
-        return self.lost_bytes > 0
-
-
-def recover(source: Path, target: Path) -> RecoveryReport:
-    """Write all that is readable of a recording to a new bag, and read that again before it gets its name.
-
-    Args:
-        source: a bag folder or an .mcap file.
-        target: folder of the new bag; must not exist.
-
-    Raises:
-        BagError: nothing is readable, the target exists or cannot be written, or does not read back the same.
-    """
-    bag = open_bag(source)
-    refuse_existing(target)
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    file_name = f"{target.resolve().name}_0.mcap"
-    with disk(target):
-        part.mkdir(parents=True)
-        try:
-            _write_whole(part, file_name, bag)
-            _write_metadata(part, information(file_name, bag.tally))
-            again = open_bag(part)
-            if again.damage or again.tally.counts != bag.tally.counts:
-                raise BagError(f"{target}: did not read back as written", "check the disk and try again")
-            part.rename(target)
-        except BaseException:
-            shutil.rmtree(part, ignore_errors=True)
-            raise
-        _sync_folder(target.parent)
-    return RecoveryReport(str(target), bag.tally.message_count, bag.lost_bytes, bag.damage)
+        stream.write(to_yaml({"rosbag2_bagfile_information": information(files)}).encode())
 
 
 @contextmanager
@@ -271,17 +174,36 @@ def disk(path: Path, remedy: str = "choose another place or free space") -> Iter
 @contextmanager
 def new_file(path: Path) -> Iterator[BinaryIO]:
     """Write beside, force to the disk, and only then name: who looks finds the old file or all of the new one."""
-    part = path.with_name(f"{path.name}.part")
+    part = path.with_name(f"{path.name}{PART}")
     try:
         with part.open("wb") as stream:
             yield stream
             stream.flush()
             os.fsync(stream.fileno())
         part.replace(path)
-        _sync_folder(path.parent)
+        sync_folder(path.parent)
     except BaseException:
         part.unlink(missing_ok=True)
         raise
+
+
+@contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """A folder that gets its name once all in it is written.
+
+    Raises:
+        BagError: something of this name is there.
+    """
+    refuse_existing(path)
+    part = path.with_name(f".{path.resolve().name}.{os.getpid()}{PART}")
+    part.mkdir(parents=True)
+    try:
+        yield part
+        part.rename(path)
+    except BaseException:
+        shutil.rmtree(part, ignore_errors=True)
+        raise
+    sync_folder(path.resolve().parent)
 
 
 def refuse_existing(path: Path) -> None:
@@ -290,7 +212,8 @@ def refuse_existing(path: Path) -> None:
         raise BagError(f"{path} exists and is not overwritten", "choose another name or remove it")
 
 
-def _sync_folder(directory: Path) -> None:
+def sync_folder(directory: Path) -> None:
+    """Force to the disk what files a folder has."""
     handle = os.open(directory, os.O_RDONLY)
     try:
         os.fsync(handle)

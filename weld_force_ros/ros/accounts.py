@@ -1,7 +1,5 @@
 """Who sent what: gaps in sequence numbers, and messages that came before."""
 
-from collections import defaultdict
-from collections.abc import Hashable
 from typing import Annotated
 
 import msgspec
@@ -25,38 +23,29 @@ def header_of(data: str) -> Header | None:
 
 
 class GapCounter:
-    """Counts the messages that were missed, by topic and publisher."""
+    """Counts the messages that were missed, by topic and publisher, since its first that arrived.
+
+    What was sent before is no loss: who joins late gets as much of it as the publisher keeps.
+    """
 
     def __init__(self) -> None:
-        self._next: dict[tuple[str, str], int] = defaultdict(int)
+        self._next: dict[tuple[str, str], int] = {}
         self.missed = 0
 
-    def note(self, topic: str, header: Header) -> None:
-        """Account for a message that arrived."""
+    def note(self, topic: str, header: Header) -> bool:
+        """Account for a message that arrived; whether it had come before, as latched ones do to who starts again."""
         key = (topic, header.publisher)
-        self.missed += max(0, header.sequence - self._next[key])
+        expected = self._next.get(key, header.sequence)
+        self.missed += max(0, header.sequence - expected)
         # A publisher without a name that counts from 0 again was restarted.
-        self._next[key] = 1 if header.sequence == 0 else max(self._next[key], header.sequence + 1)
+        self._next[key] = 1 if header.sequence == 0 and not header.publisher else max(expected, header.sequence + 1)
+        return bool(header.publisher) and header.sequence < expected
+
+    def join(self, topic: str, header: Header) -> None:
+        """Account for a message that came to a process before this one."""
+        key = (topic, header.publisher)
+        self._next[key] = max(self._next.get(key, 0), header.sequence + 1)
 
     def next_from(self, topic: str, publisher: str) -> int:
         """The sequence number that is expected next."""
         return self._next.get((topic, publisher), 0)
-
-
-class Repeats:
-    """Tells a message that another publisher, since restarted, had already sent from a new one.
-
-    Latched topics repeat themselves after a restart under a new publisher name. A publisher may well send the same
-    content twice and mean it, so the number of times counts: content is new if its publisher has now sent it more
-    often than any other had.
-    """
-
-    def __init__(self) -> None:
-        self._sent: dict[Hashable, dict[str, set[int]]] = defaultdict(lambda: defaultdict(set))
-
-    def is_new(self, content: Hashable, publisher: str, sequence: int) -> bool:
-        """Whether to act on a message; the answer for the same message is yes only once."""
-        by_publisher = self._sent[content]
-        most = max(map(len, by_publisher.values()), default=0)
-        by_publisher[publisher].add(sequence)
-        return len(by_publisher[publisher]) > most

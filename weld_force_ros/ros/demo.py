@@ -1,20 +1,22 @@
-"""The demo: the three nodes on this machine, the shipped profiles dropped into the watched folder."""
+"""The demo: the suite on this machine over shipped profiles dropped into its folder, or beside a simulated trolley."""
 
 import os
 import shutil
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from weld_force_ros import profiles, replay
-from weld_force_ros.contract import Rejection, Verdict
 from weld_force_ros.errors import InputError, WeldForceError
 from weld_force_ros.ros import environment
-from weld_force_ros.ros.run import Suite, stop_signals
+from weld_force_ros.ros.run import ALL_KINDS, KINDS, Kind, Suite, stop_signals
 
 OUTCOME_WITHIN_S = 300.0
+TROLLEY_LENGTH_M = 110.0
+TROLLEY_RATE = 10.0
 
 
 @dataclass(frozen=True)
@@ -27,13 +29,14 @@ class Demonstrated:
     left: int
 
 
-def demonstrate(folder: Path, *, track: str, on_outcome: Callable[[str], None]) -> Demonstrated:
-    """Run the whole suite over the shipped profiles and close it.
+def demonstrate(folder: Path, *, track: str, on_outcome: Callable[[str], None], trolley: bool = False) -> Demonstrated:
+    """Run the whole suite over the shipped profiles, or over welds that a simulated trolley measures, and close it.
 
     Args:
         folder: gets `measurements/` and `bag/`; must not exist.
         track: a shipped track or a track file.
         on_outcome: told of each weld that is done, from a node's thread.
+        trolley: whether a simulated trolley measures a synthetic rail, instead of files being dropped.
 
     Raises:
         InputError: the folder exists already or cannot be made.
@@ -46,46 +49,60 @@ def demonstrate(folder: Path, *, track: str, on_outcome: Callable[[str], None]) 
     except OSError as error:
         raise InputError(f"{folder}: {error.strerror or error}", "name a new folder with --out") from None
     keep_to_itself()
-    shipped = profiles.shipped()
-    dropped: dict[str, float] = {}
-    waited: dict[str, float] = {}
-    done = threading.Event()
-
-    def settle(name: str) -> None:
-        waited.setdefault(name, time.monotonic() - dropped.get(name, time.monotonic()))
-        on_outcome(name)
-        if len(waited) == len(shipped):
-            done.set()
-
-    def judged(verdict: Verdict) -> None:
-        settle(verdict.weld_id)
-
-    def refused(rejection: Rejection) -> None:
-        settle(Path(rejection.source).stem)
-
-    with (
-        stop_signals() as (stop, _),
-        Suite(
-            parameters={
-                "profile": {"folder": str(measurements)},
-                "simulator": {"track": track},
-                "assessment": {"bag": str(bag)},
-            },
-            on_verdict=judged,
-            on_rejection=refused,
-        ) as suite,
-    ):
-        for name, path in shipped.items():
-            dropped[name] = time.monotonic()
-            shutil.copyfile(path, measurements / path.name)
-        deadline = time.monotonic() + OUTCOME_WITHIN_S
-        while not done.wait(0.1) and not stop.is_set() and suite.failure is None and time.monotonic() < deadline:
-            pass
+    waited = _Waited(on_outcome)
+    parameters: dict[Kind, dict[str, Any]] = {
+        "trolley": {"length_m": TROLLEY_LENGTH_M, "rate": TROLLEY_RATE},
+        "profile": {"folder": str(measurements), "rail": "left" if trolley else ""},
+        "simulator": {"track": track},
+        "assessment": {"bag": str(bag)},
+    }
+    suite = Suite(
+        ALL_KINDS if trolley else KINDS,
+        parameters=parameters,
+        on_verdict=lambda verdict: waited.note(verdict.weld_id),
+        on_rejection=lambda rejection: waited.note(Path(rejection.source).stem),
+    )
+    with stop_signals() as (stop, _), suite:
+        if trolley:
+            expected = _await_trolley(suite, stop)
+        else:
+            expected = len(profiles.shipped())
+            for name, path in profiles.shipped().items():
+                waited.since_s[name] = time.monotonic()
+                shutil.copyfile(path, measurements / path.name)
+        _await(lambda: len(waited.seconds) >= expected, suite, stop)
         left = suite.drain()
         failure = suite.failure
     if failure is not None:
         raise failure if isinstance(failure, WeldForceError) else WeldForceError(f"a node stopped: {failure}")
-    return Demonstrated(bag, replay.read(bag), waited, left + len(shipped) - len(waited))
+    seconds = {name: waited.seconds[name] for name in waited.since_s if name in waited.seconds}
+    return Demonstrated(bag, replay.read(bag), seconds, left + max(0, expected - len(waited.seconds)))
+
+
+@dataclass
+class _Waited:
+    """How long each weld took, from its file to its outcome."""
+
+    on_outcome: Callable[[str], None]
+    since_s: dict[str, float] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def note(self, name: str) -> None:
+        self.seconds.setdefault(name, time.monotonic() - self.since_s.get(name, time.monotonic()))
+        self.on_outcome(name)
+
+
+def _await_trolley(suite: Suite, stop: threading.Event) -> int:
+    """How many welds there are, once the trolley has passed them all."""
+    trolley = suite.nodes["trolley"]
+    _await(lambda: trolley.finished, suite, stop)
+    return len(trolley.rail.welds)
+
+
+def _await(condition: Callable[[], bool], suite: Suite, stop: threading.Event) -> None:
+    deadline_s = time.monotonic() + OUTCOME_WITHIN_S
+    while not condition() and suite.failure is None and time.monotonic() < deadline_s and not stop.wait(0.05):
+        pass
 
 
 def keep_to_itself() -> None:

@@ -4,11 +4,14 @@ import os
 import stat
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import watchfiles
+
+AT_ONCE = 256
+"""Files that are handed over together."""
 
 _TICK_MS = 20
 _FULL_LOOK_S = 5.0  # events of network drives may never come, and a burst of them may overflow
@@ -28,7 +31,7 @@ class FolderWatcher:
         folder: to watch; the files already there are handed over first.
         suffixes: of the files that matter, lower case; hidden files do not.
         settle_s: how long size and time of change must stand still before a file counts as written.
-        take: called with each file, in order of name where several are ready; raises nothing.
+        take: called with the files that are ready, at most `AT_ONCE` of them, in order of name; raises nothing.
         complain: called with a problem of the folder itself, which is tried again.
     """
 
@@ -37,7 +40,7 @@ class FolderWatcher:
         folder: Path,
         suffixes: tuple[str, ...],
         settle_s: float,
-        take: Callable[[Path], None],
+        take: Callable[[Sequence[Path]], None],
         complain: Callable[[str], None],
     ) -> None:
         self._folder = folder
@@ -48,7 +51,7 @@ class FolderWatcher:
         self._taken: dict[str, _State] = {}
         self._waiting: dict[str, tuple[_State, float]] = {}
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="folder watcher", daemon=True)
+        self._thread: threading.Thread | None = None
 
     @property
     def waiting(self) -> int:
@@ -58,16 +61,19 @@ class FolderWatcher:
     @property
     def running(self) -> bool:
         """Whether files are still taken."""
-        return self._thread.is_alive()
+        return self._thread is not None and self._thread.is_alive()
 
     def start(self) -> None:
-        """Begin."""
+        """Begin, or begin again after `close`, with all that is in the folder."""
+        self._stop.clear()
+        self._taken.clear()
+        self._thread = threading.Thread(target=self._run, name="folder watcher", daemon=True)
         self._thread.start()
 
     def close(self, timeout_s: float) -> None:
-        """Take no further files; the one in hand is finished, if that takes no longer than `timeout_s`."""
+        """Take no further files; those in hand are finished, if that takes no longer than `timeout_s`."""
         self._stop.set()
-        if self._thread.is_alive():
+        if self._thread is not None:
             self._thread.join(timeout_s)
 
     def _run(self) -> None:
@@ -104,13 +110,16 @@ class FolderWatcher:
                 self._look_at(name)
 
     def _hand_over(self) -> None:
-        for name in sorted(self._waiting):
+        names = sorted(self._waiting)
+        for begin in range(0, len(names), AT_ONCE):
             if self._stop.is_set():
                 return
-            if self._look_at(name) >= self._settle_s:
-                # Noted before it is read: what is written meanwhile is another state.
-                self._taken[name] = self._waiting[name][0]
-                self._take(self._folder / name)
+            ready = [name for name in names[begin : begin + AT_ONCE] if self._look_at(name) >= self._settle_s]
+            # Noted before they are read: what is written meanwhile is another state.
+            self._taken |= {name: self._waiting[name][0] for name in ready}
+            if ready:
+                self._take([self._folder / name for name in ready])
+            for name in ready:
                 self._waiting.pop(name)
 
     def _look_at(self, name: str) -> float:

@@ -1,29 +1,35 @@
-"""Read-only node parameters with descriptors and ranges."""
+"""Node parameters of `node_parameters` in ROS: declared with descriptors and ranges, and read."""
 
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from collections.abc import Mapping
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 
-
-def text(node: Node, name: str, default: str, description: str) -> str:
-    """Declare a string parameter and return its value."""
-    return node.declare_parameter(name, default, _descriptor(description)).value
+from weld_force_ros.node_parameters import PARAMETERS, NodeParameter
 
 
-def number(node: Node, name: str, default: float, description: str, *, low: float, high: float) -> float:
-    """Declare a number between `low` and `high` and return its value."""
-    descriptor = _descriptor(description)
-    descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
-    return node.declare_parameter(name, default, descriptor).value
+def declare(node: Node, kind: str) -> None:
+    """Declare what a kind of node has (a key of `PARAMETERS`); a value given at the start is in place then.
 
-
-def list_text(node: Node, name: str, default: str, description: str) -> str:
-    """Declare a list in text form and return it.
-
-    On a ROS command line `15`, `0.15`, `[40, 80]` and `20:300:5` have four types; all of them are meant.
+    Raises:
+        ParameterException: a value of another type or out of its range.
     """
-    value = node.declare_parameter(name, default, _descriptor(description, dynamic_typing=True)).value
-    return ",".join(map(str, value)) if isinstance(value, list) or hasattr(value, "typecode") else str(value)
+    for parameter in PARAMETERS[kind]:
+        node.declare_parameter(parameter.name, parameter.default, _descriptor(parameter))
 
 
-def _descriptor(description: str, *, dynamic_typing: bool = False) -> ParameterDescriptor:
-    return ParameterDescriptor(description=description, read_only=True, dynamic_typing=dynamic_typing)
+def values(node: Node, kind: str, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """A node's parameters by name, with `changes` in place of what they are now."""
+    return {p.name: node.get_parameter(p.name).value for p in PARAMETERS[kind]} | dict(changes)
+
+
+def _descriptor(parameter: NodeParameter) -> ParameterDescriptor:
+    when = "" if parameter.live else " (fixed while the node is configured)"
+    descriptor = ParameterDescriptor(description=f"{parameter.description}{when}", dynamic_typing=parameter.listed)
+    if parameter.low is not None and parameter.high is not None:
+        if isinstance(parameter.default, int):
+            descriptor.integer_range = [IntegerRange(from_value=int(parameter.low), to_value=int(parameter.high))]
+        else:
+            descriptor.floating_point_range = [FloatingPointRange(from_value=parameter.low, to_value=parameter.high)]
+    return descriptor

@@ -1,94 +1,137 @@
-"""profile_node: measurement files in a watched folder -> weld_profile."""
+"""profile_node: measurement files in a watched folder, and a live trolley -> weld_profile."""
 
 import hashlib
 import re
+import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from msgspec import UNSET
-from rclpy.node import Node
 
 from weld_force_ros.columns import MAX_FILE_BYTES
-from weld_force_ros.contract import Rejection, WeldProfile
+from weld_force_ros.contract import TOPICS, Inquiry, Rejection, Settled, WeldProfile, measurement_id
 from weld_force_ros.errors import InputError
 from weld_force_ros.profiles import PlainForm, parse_profile
-from weld_force_ros.ros import parameters
+from weld_force_ros.ros.dispatch import Dispatch
 from weld_force_ros.ros.folder import FolderWatcher
+from weld_force_ros.ros.managed import CLOSE_S, ManagedNode
 from weld_force_ros.ros.messenger import Messenger
+from weld_force_ros.ros.trolley_input import TrolleyInput
 
 SUFFIXES = (".csv", ".txt")
 
 _STATES_ITS_UNITS = re.compile(rb"^\s*#\s*(x_unit|z_unit|z_positive)\s*:", re.MULTILINE | re.IGNORECASE)
 
 
-class ProfileNode(Node):
+class ProfileNode(ManagedNode):
     """Publishes each file's content once, as a WeldProfile or a Rejection; a file that changed is measured anew.
 
-    Files are read in the watcher's thread; what is in the folder at the start counts.
-
-    Raises:
-        InputError: a parameter that cannot be used.
+    Files are read in the watcher's thread, which waits while many measurements are without an outcome: the folder is
+    the buffer. What is in the folder at the start counts, unless the ledger knows its outcome. Welds of a live trolley
+    are written to the folder as files.
     """
 
-    def __init__(self, **node_options: Any) -> None:
-        super().__init__("profile_node", **node_options)
-        folder = _folder(parameters.text(self, "folder", "", "folder of measurement files (*.csv, *.txt)"))
-        settle_s = parameters.number(
-            self, "settle_s", 0.2, "s that a file must stay unchanged before it is read", low=0.0, high=600.0
-        )
-        self._form = _plain_form(self)
-        self._published: set[tuple[str, str]] = set()
-        self.messenger = Messenger(self, [WeldProfile, Rejection])
-        self._watcher = FolderWatcher(folder, SUFFIXES, settle_s, self._take, self.messenger.complain)
-        self.messenger.report_health(queue_length=lambda: self._watcher.waiting)
+    kind = "profile_node"
+
+    def _configure(self, values: dict[str, Any]) -> None:
+        folder = _folder(values["folder"])
+        self._form = _plain_form(values)
+        self._stopping = threading.Event()
+        self.messenger = self._resources.enter_context(Messenger(self, [WeldProfile, Rejection, Inquiry]))
+        settled_topic = self.resolve_topic_name(TOPICS[Settled].name)
+        self._dispatch = Dispatch(self.messenger, lambda: self.count_publishers(settled_topic), self._stopping)
+        self.messenger.listen(Settled, self._dispatch.take_settled)
+        self._watcher = FolderWatcher(folder, SUFFIXES, values["settle_s"], self._take, self.messenger.complain)
+        self._trolley = self._resources.enter_context(TrolleyInput(self, folder, self.messenger, values))
+        self.messenger.health.queue_length = lambda: self._watcher.waiting
+        self.messenger.health.facts = self._facts
+        self.messenger.health.warning = self._warning
+        self.messenger.report_health()
         self.get_logger().info(f"watching {folder}")
+
+    def _activate(self) -> None:
+        self._stopping.clear()
         self._watcher.start()
+        super()._activate()
+
+    def stop_intake(self) -> None:
+        """Take no further files or samples."""
+        if self._active:
+            self._deactivate()
+
+    def _deactivate(self) -> None:
+        super()._deactivate()
+        self._stopping.set()  # the file in hand is published if there is room for it
+        self._watcher.close(CLOSE_S)
 
     @property
     def pending(self) -> int:
-        """Nothing that was taken waits here: a file is published as soon as it is read."""
-        return 0
+        """Batches and marks of a live trolley that wait; what else was taken, the folder keeps."""
+        return self._trolley.pending if self._configured else 0
 
     @property
     def watching(self) -> bool:
         """Whether files are still taken."""
         return self._watcher.running
 
-    def stop_intake(self, timeout_s: float = 5.0) -> None:
-        """Take no further files; the one in hand is published."""
-        self._watcher.close(timeout_s)
+    def _facts(self) -> dict[str, object]:
+        return {"measurements without outcome": self._dispatch.under_way, **self._trolley.facts()}
 
-    def close(self, timeout_s: float) -> int:
-        """Stop; return how many accepted profiles were not published, which is none."""
-        self.stop_intake(timeout_s)
-        return 0
+    def _warning(self) -> str | None:
+        if not self._dispatch.full:
+            return None
+        return f"{self._dispatch.under_way} measurements wait for an outcome: are simulator and assessment running?"
 
-    def _take(self, path: Path) -> None:
+    def _take(self, paths: Sequence[Path]) -> None:
+        files = {}
+        for path in paths:
+            if (file := self._read(path)) is not None:
+                files[file.profile_id] = file
+        for profile_id in self._dispatch.without_outcome(list(files)):
+            files[profile_id].wanted = True
+        for file in files.values():
+            if file.wanted and not self._stopping.is_set():
+                self._publish(file)
+
+    def _read(self, path: Path) -> "_File | None":
         name = str(path.name).encode("utf-8", "replace").decode()
         try:
             with path.open("rb") as file:
-                content = file.read(MAX_FILE_BYTES + 1)
+                return _File(name, file.read(MAX_FILE_BYTES + 1))
         except FileNotFoundError:
-            return
+            return None
         except OSError as error:
             problem = InputError(
                 f"cannot be read: {error.strerror or error}", "make the file readable and save it again"
             )
             self.messenger.reject(name, problem)
-            return
-        digest = hashlib.sha256(content).hexdigest()
-        if (name, digest) not in self._published:
-            self._published.add((name, digest))
-            self._publish(name, content, digest)
+            return None
 
-    def _publish(self, name: str, content: bytes, digest: str) -> None:
-        form = None if _STATES_ITS_UNITS.search(content) else self._form
+    def _publish(self, file: "_File") -> None:
+        form = None if _STATES_ITS_UNITS.search(file.content) else self._form
         try:
-            self.messenger.publish(parse_profile(content, name, form))
+            profile = parse_profile(file.content, file.name, form)
+            profile.profile_id = file.profile_id
+            self._dispatch.send(profile)
         except Exception as error:  # whatever is wrong with a file, it ends as a Rejection
-            whole = len(content) <= MAX_FILE_BYTES
-            text = content.decode("utf-8", "replace")
-            self.messenger.reject(name, error, text, source_sha256=digest if whole else UNSET)
+            whole = len(file.content) <= MAX_FILE_BYTES
+            text = file.content.decode("utf-8", "replace")
+            digest = file.sha256 if whole else UNSET
+            self._dispatch.send(
+                self.messenger.rejection(file.name, error, text, source_sha256=digest, profile_id=file.profile_id)
+            )
+
+
+class _File:
+    """A file as it was read; `wanted` if it has no outcome yet."""
+
+    def __init__(self, name: str, content: bytes) -> None:
+        self.name = name
+        self.content = content
+        self.sha256 = hashlib.sha256(content).hexdigest()
+        self.profile_id = measurement_id(name, self.sha256)
+        self.wanted = False
 
 
 def _folder(text: str) -> Path:
@@ -100,15 +143,11 @@ def _folder(text: str) -> Path:
     return folder
 
 
-def _plain_form(node: Node) -> PlainForm:
+def _plain_form(values: dict[str, Any]) -> PlainForm:
     """What files without a header do not say of themselves; an empty text and 0 mean: not stated."""
-    unit = "of files that do not state it: m, cm, mm or um"
-    x_unit = parameters.text(node, "x_unit", "", f"unit of the positions {unit}")
-    z_unit = parameters.text(node, "z_unit", "", f"unit of the heights {unit}")
-    z_positive = parameters.text(node, "z_positive", "", "up or down: what a positive height means in such files")
-    spacing = parameters.number(
-        node, "spacing", 0.0, "distance of samples in x_unit, for files of heights only", low=0.0, high=1e6
-    )
     return PlainForm(
-        x_unit=x_unit or None, z_unit=z_unit or None, z_positive=z_positive or None, spacing=spacing or None
+        x_unit=values["x_unit"] or None,
+        z_unit=values["z_unit"] or None,
+        z_positive=values["z_positive"] or None,
+        spacing=values["spacing"] or None,
     )

@@ -1,27 +1,60 @@
-"""Quality of service of every topic of the suite, by name.
+"""Quality of service of every topic of the suite.
 
-Contract topics lose nothing: reliable, everything kept, and kept for those who join later. Fast DDS keeps at most 5000
-messages a publisher; a subscriber that joins after more than that sees the rest as a gap in the sequence numbers.
+Contract topics lose nothing: reliable, and read with everything kept. What is written is kept for those who join later
+up to a depth by topic: Fast DDS would keep 5000 messages of any size, a gigabyte of force histories. Before a message
+is pushed out of that depth, every live reader must have it (`messenger.Outlet`).
 """
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-HISTORY_OF_FAST_DDS = 5000
+from weld_force_ros.contract import (
+    AssessmentSettings,
+    ForceHistory,
+    ForceMap,
+    Message,
+    Rejection,
+    Settled,
+    SimulationSettings,
+    Topic,
+    Verdict,
+    WeldProfile,
+)
 
-CONTRACT = QoSProfile(
-    history=HistoryPolicy.KEEP_ALL,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
-PLOT = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=100,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
-DIAGNOSTICS = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=10,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
+WINDOW = 256
+"""How many measurements of one profile node may be without an outcome: the others wait in the folder."""
+
+KEPT: dict[type[Message], int] = {
+    WeldProfile: 2 * WINDOW,
+    ForceMap: 128,
+    ForceHistory: 16,
+    Verdict: 1000,
+    Rejection: WINDOW,
+    Settled: 1000,
+    SimulationSettings: 10,
+    AssessmentSettings: 10,
+}
+"""Messages of a latched topic that a publisher keeps for those who join later."""
+
+_LATCHED, _LIVE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
+
+
+def _reliable(durability: DurabilityPolicy, depth: int | None = None) -> QoSProfile:
+    history = HistoryPolicy.KEEP_ALL if depth is None else HistoryPolicy.KEEP_LAST
+    return QoSProfile(history=history, depth=depth or 0, reliability=ReliabilityPolicy.RELIABLE, durability=durability)
+
+
+CONTRACT = _reliable(_LATCHED)
+PLOT = _reliable(_LATCHED, 100)
+DIAGNOSTICS = _reliable(_LIVE, 10)
+STREAM = _reliable(_LIVE)
+SENT_AGAIN = _reliable(_LATCHED, 16)
+
+
+def reading(topic: Topic) -> QoSProfile:
+    """Of a subscription to a contract topic."""
+    return CONTRACT if topic.latched else STREAM
+
+
+def writing(topic: Topic) -> QoSProfile:
+    """Of a publisher of a contract topic."""
+    return _reliable(_LATCHED, KEPT[topic.type]) if topic.latched else STREAM

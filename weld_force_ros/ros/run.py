@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import Any, Literal, Self
 
@@ -27,17 +27,20 @@ from weld_force_ros.contract import ForceHistory, ForceMap, Message, Rejection, 
 from weld_force_ros.errors import InputError, WeldForceError
 from weld_force_ros.ros import environment
 from weld_force_ros.ros.assessment_node import AssessmentNode
+from weld_force_ros.ros.managed import CLOSE_S, ManagedNode
 from weld_force_ros.ros.profile_node import ProfileNode
 from weld_force_ros.ros.simulator_node import Simulates, SimulatorNode
+from weld_force_ros.ros.trolley_node import TrolleyNode
 
-Kind = Literal["profile", "simulator", "assessment"]
-SuiteNode = ProfileNode | SimulatorNode | AssessmentNode
+Kind = Literal["trolley", "profile", "simulator", "assessment"]
 
 KINDS: tuple[Kind, ...] = ("profile", "simulator", "assessment")
+"""The suite, in the order of the flow."""
+ALL_KINDS: tuple[Kind, ...] = ("trolley", *KINDS)
 DRAIN_S = 30.0
-_CLOSE_S = 5.0
 _LOOK_S = 0.02
 """How often a condition that has no event of its own is looked at."""
+_QUIET_LOOKS = 5
 
 # Who waits for whom when draining: what the first publishes of a kind, the second has to have taken.
 _FLOWS: tuple[tuple[Kind, Kind, tuple[type[Message], ...]], ...] = (
@@ -89,20 +92,21 @@ class Suite:
         self._context = rclpy.Context()
         self.closing = False
         self._crash: Exception | None = None
-        self.nodes: dict[Kind, SuiteNode] = {}
+        self.nodes: dict[Kind, Any] = {}
 
     def __enter__(self) -> Self:
         environment.prepare()
-        if set(self._kinds) == set(KINDS):
-            environment.stay_on_this_machine()
+        environment.stay_on_this_machine()
         self._start_ros()
         self._executor = SingleThreadedExecutor(context=self._context)
         self._thread = threading.Thread(target=self._spin, name="executor", daemon=True)
         try:
-            for kind in reversed(KINDS):  # those that listen first
+            for kind in reversed(ALL_KINDS):  # those that listen first
                 if kind in self._kinds:
-                    self.nodes[kind] = self._make(kind)
-                    self._executor.add_node(self.nodes[kind])
+                    node = self.nodes[kind] = self._make(kind)
+                    self._executor.add_node(node)
+                    if node.autostarts:
+                        node.start()
         except BaseException:
             self.close()
             raise
@@ -117,7 +121,7 @@ class Suite:
     @property
     def failure(self) -> Exception | None:
         """What keeps a node from working at all, if anything does."""
-        failures = (node.messenger.health.failure for node in self.nodes.values())
+        failures = (node.messenger.health.failure for node in self.nodes.values() if node.configured)
         return self._crash or next(filter(None, failures), None)
 
     @property
@@ -125,11 +129,21 @@ class Suite:
         """How many messages between and in the nodes still wait; 0 when all that was taken has its outcome."""
         # In the order of the flow: what a node has handed on is counted before the next is asked.
         waiting = 0
-        for kind in KINDS:
-            if kind in self.nodes:
+        for kind in ALL_KINDS:
+            if kind in self.nodes and self.nodes[kind].configured:
                 # What is queued in a node is under way to it, too.
                 waiting += max(self._under_way_to(kind), self.nodes[kind].pending)
-        return waiting
+        return max(waiting, self.nodes["assessment"].awaited) if self._lone_assessment else waiting
+
+    @property
+    def _lone_assessment(self) -> bool:
+        return set(self.nodes) == {"assessment"} and self.nodes["assessment"].configured
+
+    @property
+    def open_count(self) -> int:
+        """Measurements accepted that have no outcome; their bag, continued, gives it to them."""
+        assessment = self.nodes.get("assessment")
+        return assessment.open_count if assessment is not None and assessment.configured else 0
 
     def drain(self, timeout_s: float = DRAIN_S, abandon: threading.Event | None = None) -> int:
         """Take nothing new and finish what was taken.
@@ -144,8 +158,11 @@ class Suite:
         abandon = abandon or threading.Event()
         deadline = time.monotonic() + timeout_s
         self._stop_intake()
-        while self.left and not self.failure and time.monotonic() < deadline and not abandon.wait(_LOOK_S):
-            pass
+        quiet = 0  # what the middleware still holds shows up between two looks
+        while quiet < _QUIET_LOOKS and not self.failure and time.monotonic() < deadline:
+            quiet = 0 if self.left else quiet + 1
+            if abandon.wait(_LOOK_S):
+                break
         return self.left
 
     def close(self) -> None:
@@ -158,17 +175,15 @@ class Suite:
             return
         self.closing = True
         self._stop_intake()
-        self._executor.shutdown(timeout_sec=_CLOSE_S)
+        self._executor.shutdown(timeout_sec=CLOSE_S)
         if self._thread.is_alive():
-            self._thread.join(_CLOSE_S)
-        try:
-            for kind in KINDS:
+            self._thread.join(CLOSE_S)
+        with ExitStack() as stack:  # whatever one of them cannot complete, the others are closed
+            stack.callback(self._context.try_shutdown)
+            for kind in reversed(ALL_KINDS):
                 if kind in self.nodes:
-                    self.nodes[kind].close(_CLOSE_S)
-        finally:
-            for node in self.nodes.values():
-                node.destroy_node()
-            self._context.try_shutdown()
+                    stack.callback(self.nodes[kind].destroy_node)
+                    stack.callback(self.nodes[kind].close)
 
     def _start_ros(self) -> None:
         remedy = "check the arguments after --ros-args"
@@ -186,10 +201,12 @@ class Suite:
             self._context.try_shutdown()
             raise InputError(f"{' '.join(foreign)} is unknown", remedy)
 
-    def _make(self, kind: Kind) -> SuiteNode:
+    def _make(self, kind: Kind) -> ManagedNode:
         overrides = [Parameter(name, value=value) for name, value in self._parameters.get(kind, {}).items()]
         options: dict[str, Any] = {"context": self._context, "parameter_overrides": overrides}
         try:
+            if kind == "trolley":
+                return TrolleyNode(**options)
             if kind == "profile":
                 return ProfileNode(**options)
             if kind == "simulator":
@@ -209,22 +226,24 @@ class Suite:
 
     def _stop_intake(self) -> None:
         """Only the first node of the chain takes from outside; the others get what it still hands on."""
-        first = next((kind for kind in KINDS if kind in self.nodes), None)
-        if first is not None:
-            self.nodes[first].stop_intake()
+        for kind in ALL_KINDS:
+            if kind in self.nodes:
+                self.nodes[kind].stop_intake()
+            if kind in self.nodes and kind in KINDS:
+                return
 
     def _under_way_to(self, taker: Kind) -> int:
         return sum(
             self.nodes[sender].messenger.sent(message)
             - self.nodes[taker].messenger.taken_from(self.nodes[sender].messenger.instance, message)
             for sender, receiver, messages in _FLOWS
-            if receiver == taker and sender in self.nodes
+            if receiver == taker and sender in self.nodes and self.nodes[sender].configured
             for message in messages
         )
 
 
 def run_node(kind: Kind, ros_args: Sequence[str] = (), *, drain_s: float = DRAIN_S) -> int:
-    """Run one node until SIGINT or SIGTERM: `weld-force node KIND [-- --ros-args ...]`.
+    """Run one node until SIGINT or SIGTERM: `weld-force node KIND [-- --ros-args ...]`; outcomes are shown.
 
     Returns:
         The exit code: 0 if all that was taken was finished, 1 if something was left.
@@ -233,18 +252,15 @@ def run_node(kind: Kind, ros_args: Sequence[str] = (), *, drain_s: float = DRAIN
         InputError: arguments or parameters that cannot be used.
         WeldForceError: the node cannot work.
     """
-    return run_until_signal(Suite((kind,), ros_args=ros_args), drain_s)
+    return run_until_signal(Suite((kind,), ros_args=ros_args, on_verdict=show, on_rejection=show), drain_s)
 
 
 def run_suite(
-    parameters: Mapping[Kind, Mapping[str, Any]],
-    ros_args: Sequence[str] = (),
-    *,
-    drain_s: float = DRAIN_S,
-    **follow: Any,
+    parameters: Mapping[Kind, Mapping[str, Any]], ros_args: Sequence[str] = (), *, drain_s: float = DRAIN_S
 ) -> int:
-    """Run the three nodes until SIGINT or SIGTERM: `weld-force up`. See `run_node` and `Suite`."""
-    return run_until_signal(Suite(parameters=parameters, ros_args=ros_args, **follow), drain_s)
+    """Run the three nodes until SIGINT or SIGTERM: `weld-force up`; outcomes are shown. See `run_node` and `Suite`."""
+    suite = Suite(parameters=parameters, ros_args=ros_args, on_verdict=show, on_rejection=show)
+    return run_until_signal(suite, drain_s)
 
 
 def run_until_signal(suite: Suite, drain_s: float = DRAIN_S) -> int:
@@ -260,13 +276,28 @@ def run_until_signal(suite: Suite, drain_s: float = DRAIN_S) -> int:
         while not stop.wait(0.1) and suite.failure is None:
             pass
         if stop.is_set():
-            _say("stopping: finishing what was taken; a second signal stops at once")
+            say("stopping: finishing what was taken; a second signal stops at once")
         left = suite.drain(drain_s, abandon)
-        failure = suite.failure
+        open_count, failure = suite.open_count, suite.failure
     if failure is not None:
         raise failure if isinstance(failure, WeldForceError) else WeldForceError(f"{type(failure).__name__}: {failure}")
-    _say(f"stopped with {left} messages left unfinished" if left else "stopped, nothing left unfinished")
-    return 1 if left else 0
+    say(f"stopped with {left} messages left unfinished" if left else "stopped, nothing left unfinished")
+    if open_count:
+        say(f"{open_count} measurements have no outcome yet; they get it when the same bag is continued")
+    return 1 if left or open_count else 0
+
+
+def show(outcome: Verdict | Rejection) -> None:
+    """One line for whoever stands beside the trolley."""
+    if isinstance(outcome, Verdict):
+        say(f"{outcome.decision.upper():7} {outcome.weld_id}: {outcome.reason}")
+    else:
+        say(f"UNUSABLE {outcome.source}: {outcome.reason}; {outcome.remedy}")
+
+
+def say(text: str) -> None:
+    """A line on standard error, at once."""
+    print(" ".join(text.split()) if "\n" in text else text, file=sys.stderr, flush=True)
 
 
 @contextmanager
@@ -296,24 +327,40 @@ def stop_signals() -> Iterator[tuple[threading.Event, threading.Event]]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """`python -m weld_force_ros.ros.run KIND [--ros-args ...]`, for launch files; `weld-force node` does the same."""
     parser = argparse.ArgumentParser(prog="weld_force_ros.ros.run")
-    parser.add_argument("kind", choices=KINDS)
+    parser.add_argument("kind", choices=ALL_KINDS)
     known, ros_args = parser.parse_known_args(arguments)
     try:
         return run_node(known.kind, [argument for argument in ros_args if argument != "--"])
     except InputError as error:
-        _say(f"error: {error}")
+        say(f"error: {error}")
         return 2
     except WeldForceError as error:
-        _say(f"error: {error}")
+        say(f"error: {error}")
         return 1
+
+
+def profile_node() -> int:
+    """Console entry of a ROS installation, as the next three."""
+    return main(["profile", *sys.argv[1:]])
+
+
+def simulator_node() -> int:
+    """See `profile_node`."""
+    return main(["simulator", *sys.argv[1:]])
+
+
+def assessment_node() -> int:
+    """See `profile_node`."""
+    return main(["assessment", *sys.argv[1:]])
+
+
+def trolley_node() -> int:
+    """See `profile_node`."""
+    return main(["trolley", *sys.argv[1:]])
 
 
 def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

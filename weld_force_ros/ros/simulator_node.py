@@ -1,16 +1,28 @@
 """simulator_node: weld_profile -> force_map and the worst passage's force_history."""
 
+import time
+from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from rclpy.node import Node
-
 from weld_force_ros import assess
-from weld_force_ros.contract import ForceHistory, ForceMap, Rejection, SimulationSettings, WeldProfile
-from weld_force_ros.ros import parameters
-from weld_force_ros.ros.accounts import Repeats
+from weld_force_ros.contract import (
+    TOPICS,
+    ForceHistory,
+    ForceMap,
+    Rejection,
+    Settled,
+    SimulationSettings,
+    WeldProfile,
+    identity,
+)
+from weld_force_ros.node_parameters import simulation_settings
+from weld_force_ros.ros.managed import CLOSE_S, ManagedNode
 from weld_force_ros.ros.messenger import Messenger, Sample
+from weld_force_ros.ros.qos import KEPT
 from weld_force_ros.ros.worker import Worker
+
+_SAME_ASKED_TWICE_S = 4.0
 
 
 class Simulates(Protocol):
@@ -23,51 +35,61 @@ class Simulates(Protocol):
         """The passage with the largest peak."""
 
 
-class SimulatorNode(Node):
-    """Computes on one worker thread, which also loads track and fit; callbacks only queue.
+class SimulatorNode(ManagedNode):
+    """Computes on one worker thread, which also loads track and fit; callbacks only queue, up to a limit.
+
+    What has its outcome is not computed again; what is sent again because an outcome is missing, is.
 
     Args:
         load: makes the simulator, in the worker thread.
         node_options: passed to `rclpy.node.Node`.
-
-    Raises:
-        InputError: a parameter that cannot be used.
     """
+
+    kind = "simulator_node"
 
     def __init__(
         self, *, load: Callable[[SimulationSettings], Simulates] = assess.Simulator, **node_options: Any
     ) -> None:
-        super().__init__("simulator_node", **node_options)
-        self._settings = _settings(self)
+        super().__init__(**node_options)
         self._load = load
-        self._repeats = Repeats()
-        self._taking = True
+
+    def _configure(self, values: dict[str, Any]) -> None:
+        self._settings = simulation_settings(values)
+        self._settled: OrderedDict[str, None] = OrderedDict()
+        self._computed_s: OrderedDict[str, float] = OrderedDict()
         self._simulator: Simulates
-        self.messenger = Messenger(self, [SimulationSettings, ForceMap, ForceHistory, Rejection])
+        self.messenger = self._resources.enter_context(
+            Messenger(self, [SimulationSettings, ForceMap, ForceHistory, Rejection], group=self.gate)
+        )
         self.messenger.publish(self._settings)
-        self._worker: Worker[Sample] = Worker("simulator", self._handle, self.messenger.complain, self._prepare)
-        self.messenger.report_health(queue_length=lambda: self._worker.pending)
-        self.messenger.listen(WeldProfile, self._queue)
+        self._worker: Worker[Sample | SimulationSettings] = Worker(
+            "simulator", self._handle, self.messenger.complain, self._prepare, on_room=self.wake
+        )
+        self._resources.callback(self._worker.close, CLOSE_S)
+        self.messenger.health.queue_length = lambda: self._worker.pending
+        self.messenger.health.warning = self._warning
+        self.messenger.report_health()
+        self.messenger.listen(Settled, self._note_settled)
+        self.messenger.listen(WeldProfile, self._worker.put)
+
+    @property
+    def _has_room(self) -> bool:
+        return self._worker.has_room
 
     @property
     def pending(self) -> int:
         """Profiles queued or being simulated."""
-        return self._worker.pending
+        return self._worker.pending if self._configured else 0
 
-    def stop_intake(self) -> None:
-        """Leave further profiles to the next simulator: the topic is latched."""
-        self._taking = False
+    def _check_change(self, values: dict[str, Any], changes: dict[str, Any]) -> None:
+        simulation_settings(values)
 
-    def close(self, timeout_s: float) -> int:
-        """Stop after the profile in hand; return how many were left."""
-        self.stop_intake()
-        left = self._worker.close(timeout_s)
-        self.messenger.wait_until_acknowledged(timeout_s)
-        return left
+    def _change(self, values: dict[str, Any], changes: dict[str, Any]) -> None:
+        self._worker.put(simulation_settings(values))
 
-    def _queue(self, sample: Sample) -> None:
-        if self._taking:
-            self._worker.put(sample)
+    def _warning(self) -> str | None:
+        others = self.count_publishers(self.resolve_topic_name(TOPICS[ForceMap].name)) - 1
+        return f"{others + 1} simulators publish force maps here; stop all but one" if others else None
 
     def _prepare(self) -> bool:
         try:
@@ -78,49 +100,48 @@ class SimulatorNode(Node):
         self.get_logger().info(f"track {self._settings.track} ready")
         return True
 
-    def _handle(self, sample: Sample) -> None:
-        incoming = self.messenger.open(WeldProfile, sample)
+    def _note_settled(self, sample: Sample) -> None:
+        settled = self.messenger.read_quietly(Settled, self.messenger.open(Settled, sample))
+        for profile_id in settled.profile_ids if settled is not None else ():
+            self._settled[profile_id] = None
+        while len(self._settled) > KEPT[Settled]:
+            self._settled.popitem(last=False)
+
+    def _handle(self, item: Sample | SimulationSettings) -> None:
+        if isinstance(item, SimulationSettings):
+            self._simulator, self._settings = self._load(item), item
+            self.messenger.publish(item)
+            return
+        incoming = self.messenger.open(WeldProfile, item)
         profile = self.messenger.read(WeldProfile, incoming)
-        if profile is None:
-            return
-        identity = (profile.weld_id, profile.profile_sha256)
-        if not self._repeats.is_new(identity, profile.publisher, profile.sequence):
-            return
+        if profile is not None and not self._done(identity(profile)):
+            self._simulate(profile, incoming.text)
+
+    def _done(self, profile_id: str) -> bool:
+        """Whether a measurement has its outcome, or was computed so shortly ago that it has its outcome soon."""
+        computed_s = self._computed_s.get(profile_id, float("-inf"))
+        return profile_id in self._settled or time.monotonic() - computed_s < _SAME_ASKED_TWICE_S
+
+    def _simulate(self, profile: WeldProfile, text: str) -> None:
+        profile_id = identity(profile)
         try:
             force_map = self._simulator.force_map(profile)
+            force_map.profile_id = profile_id
             self.messenger.publish(force_map)
         except Exception as error:  # every profile has an outcome, whatever went wrong with it
-            self.messenger.reject(profile.source, error, incoming.text, profile_sha256=profile.profile_sha256)
+            self.messenger.reject(
+                profile.source, error, text, profile_sha256=profile.profile_sha256, profile_id=profile_id
+            )
         else:
             self._publish_history(profile, force_map)
+        self._computed_s[profile_id] = time.monotonic()
+        while len(self._computed_s) > KEPT[ForceMap]:
+            self._computed_s.popitem(last=False)
 
     def _publish_history(self, profile: WeldProfile, force_map: ForceMap) -> None:
         try:
-            self.messenger.publish(self._simulator.worst_history(profile, force_map))
+            history = self._simulator.worst_history(profile, force_map)
+            history.profile_id = force_map.profile_id
+            self.messenger.publish(history)
         except Exception as error:  # the map is the outcome; a Rejection would be a second one
             self.messenger.complain(f"force history of {profile.weld_id}: {error}")
-
-
-def _settings(node: Node) -> SimulationSettings:
-    own = "; 0: the track's own"
-    options = {
-        "wheel_mass_kg": parameters.number(
-            node, "wheel_mass_kg", 0.0, f"unsprung mass per wheel, kg{own}", low=0.0, high=1e4
-        ),
-        "static_load_n": parameters.number(node, "static_load_n", 0.0, f"static wheel load, N{own}", low=0.0, high=1e6),
-        "wheel_radius_m": parameters.number(node, "wheel_radius_m", 0.0, f"wheel radius, m{own}", low=0.0, high=2.0),
-        "hertz_n_per_m15": parameters.number(
-            node, "hertz_n_per_m15", 0.0, f"contact stiffness, N/m^1.5{own}", low=0.0, high=1e13
-        ),
-    }
-    return assess.simulation_settings(
-        track=parameters.text(node, "track", "bilbao", "a shipped track, or the path of a track file (YAML)"),
-        engine=parameters.text(node, "engine", "common-poles", "common-poles, rfp or reference"),
-        speeds_kmh=assess.parse_speeds(
-            parameters.list_text(node, "speeds", "20:300:5", "speeds in km/h: first:last:step, or a list")
-        ),
-        positions=assess.parse_positions(
-            parameters.list_text(node, "positions", "15", "equal steps over one span, or a list of m after the sleeper")
-        ),
-        **{name: value or None for name, value in options.items()},
-    )

@@ -5,6 +5,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+
 T = TypeVar("T")
 
 
@@ -17,6 +19,9 @@ class Worker(Generic[T]):
         handle: Callable[[T], None],
         complain: Callable[[Exception], None],
         prepare: Callable[[], bool] = lambda: True,
+        *,
+        limit: int = 64,
+        on_room: Callable[[], None] = lambda: None,
     ) -> None:
         """Start the thread.
 
@@ -25,10 +30,14 @@ class Worker(Generic[T]):
             handle: called with each item.
             complain: called with what `handle` raises; the next item is handled all the same.
             prepare: called once in the thread before the first item; if it returns False, the items stay unhandled.
+            limit: how many items may wait before there is no more room.
+            on_room: called in the thread when there is room again.
         """
         self._handle = handle
         self._complain = complain
         self._prepare = prepare
+        self._limit = limit
+        self._on_room = on_room
         self._items: deque[T] = deque()
         self._in_hand = 0
         self._closed = False
@@ -42,10 +51,15 @@ class Worker(Generic[T]):
         with self._changed:
             return len(self._items) + self._in_hand
 
-    def put(self, item: T) -> None:
-        """Append an item; never waits."""
+    @property
+    def has_room(self) -> bool:
+        """Whether callbacks may bring more; `put` itself refuses nothing."""
+        return len(self._items) < self._limit
+
+    def put(self, item: T, *, first: bool = False) -> None:
+        """Append an item, or put it before all others; never waits."""
         with self._changed:
-            self._items.append(item)
+            (self._items.appendleft if first else self._items.append)(item)
             self._changed.notify()
 
     def close(self, timeout_s: float) -> int:
@@ -67,8 +81,23 @@ class Worker(Generic[T]):
                     return
                 item = self._items.popleft()
                 self._in_hand = 1
+                room_again = len(self._items) == self._limit - 1
+            if room_again:
+                self._on_room()
             try:
                 self._handle(item)
             except Exception as error:
                 if not self._closed:  # an abandoned item finds its publishers gone
                     self._complain(error)
+
+
+class Gate(MutuallyExclusiveCallbackGroup):
+    """Callbacks that are held back while there is no room: their messages wait in the middleware, which keeps them."""
+
+    def __init__(self, is_open: Callable[[], bool]) -> None:
+        super().__init__()
+        self._is_open = is_open
+
+    def can_execute(self, entity: object) -> bool:
+        """Asked by the executor before it looks for a message."""
+        return self._is_open() and super().can_execute(entity)

@@ -1,0 +1,87 @@
+"""The ledger, by itself and out of a recording."""
+
+from pathlib import Path
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from weld_force_ros.bag import STRING, Recorder, string_cdr
+from weld_force_ros.contract import TOPICS, ForceMap, Message, Rejection, Settled, Verdict, WeldProfile
+from weld_force_ros.ros.ledger import AT_ONCE, Ledger, read_ledger
+
+IDS = [f"{n:064x}" for n in range(40)]
+
+
+def bag_of(path: Path, *messages: tuple[type[Message], str]) -> Path:
+    with Recorder(path) as recorder:
+        for number, (kind, text) in enumerate(messages):
+            recorder.write(
+                f"/left/{TOPICS[kind].name}", STRING, string_cdr(text), log_time_ns=number, publish_time_ns=number
+            )
+    return path
+
+
+def about(profile_id: str, **more: object) -> str:
+    import json
+
+    return json.dumps({"profile_id": profile_id, **more})
+
+
+@given(st.lists(st.tuples(st.booleans(), st.integers(0, 9)), max_size=40))
+def test_open_is_what_was_accepted_and_not_settled(steps: list[tuple[bool, int]]) -> None:
+    ledger, accepted, settled = Ledger(), set(), set()
+    for accept, n in steps:
+        if accept:
+            ledger.accept(IDS[n], b"")
+            accepted |= {n} - settled
+        else:
+            ledger.settle(IDS[n])
+            settled.add(n)
+            accepted.discard(n)
+    assert ledger.open_count == len(accepted)
+    assert ledger.settled_count == len(settled)
+    assert ledger.settled_of(IDS[:10]) == [IDS[n] for n in range(10) if n in settled]
+
+
+def test_every_open_measurement_is_sent_again_in_its_turn() -> None:
+    ledger = Ledger()
+    for n in range(40):
+        ledger.accept(IDS[n], bytes([n]))
+    sent = [cdr[0] for _ in range(5) for cdr in ledger.oldest_open()]
+    assert sent[:40] == list(range(40))
+    assert len(sent) == 5 * AT_ONCE
+
+
+def test_recording_tells_what_is_open_settled_and_unfinished(tmp_path: Path) -> None:
+    done, refused, killed_before_confirming, mapped, only_taken = IDS[:5]
+    bag = bag_of(
+        tmp_path / "bag",
+        *((WeldProfile, about(i)) for i in (done, killed_before_confirming, mapped, only_taken)),
+        (ForceMap, about(done)),
+        (Verdict, about(done)),
+        (Settled, '{"profile_ids": ["' + done + '"]}'),
+        (Rejection, about(refused)),
+        (Settled, '{"profile_ids": ["' + refused + '"]}'),
+        (ForceMap, about(killed_before_confirming)),
+        (Verdict, about(killed_before_confirming)),
+        (ForceMap, about(mapped)),
+        (
+            Settled,
+            '{"profile_ids": ["' + only_taken + '"], "asked_by": "/profile_node#1"}',
+        ),  # an answer settles nothing
+        (WeldProfile, "{broken"),
+    )
+    noted = []
+    ledger = read_ledger(bag, lambda kind, text: noted.append(kind))
+    assert ledger.settled_of(IDS) == [done, refused, killed_before_confirming]
+    assert ledger.open_count == 2
+    assert list(ledger.waiting_maps) == [mapped]
+    assert [(i, kept.kind) for i, kept in ledger.unfinished.items()] == [(killed_before_confirming, Verdict)]
+    assert noted.count(WeldProfile) == 4
+
+
+def test_old_recording_without_identities_settles_by_weld_and_geometry(tmp_path: Path) -> None:
+    text = '{"weld_id": "w", "profile_sha256": "' + "0" * 64 + '"}'
+    bag = bag_of(tmp_path / "bag", (WeldProfile, text), (ForceMap, text), (Verdict, text))
+    ledger = read_ledger(bag, lambda kind, text: None)
+    assert (ledger.settled_count, ledger.open_count) == (1, 0)

@@ -1,0 +1,168 @@
+"""A day in the field, compressed: the suite as processes, welds dropped into its folder, somebody listening."""
+
+import os
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import String
+
+from weld_force_ros import profiles
+from weld_force_ros.bag import stored
+from weld_force_ros.contract import TOPICS, Settled, Verdict, profile_sha256
+from weld_force_ros.ros import environment, qos
+from weld_force_ros.ros.demo import keep_to_itself
+from weld_force_ros.ros.supervisor import Supervisor
+
+BAD_FILE = "# x_unit: mm\nx,z\n0,nonsense\n"
+
+
+class Heard(NamedTuple):
+    """A verdict as a listener got it; `at_s` on the monotonic clock."""
+
+    weld_id: str
+    publisher: str
+    sequence: int
+    at_s: float
+
+
+class Listener:
+    """A foreign node that collects verdicts and what is settled."""
+
+    def __init__(self) -> None:
+        self.verdicts: list[Heard] = []
+        self.settled: set[str] = set()
+        self._context = rclpy.Context()
+
+    def __enter__(self) -> "Listener":
+        environment.prepare()
+        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node("listener", context=self._context)
+        for kind, take in ((Verdict, self._take_verdict), (Settled, self._take_settled)):
+            self._node.create_subscription(String, TOPICS[kind].name, take, qos.CONTRACT)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._executor.spin, daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._executor.shutdown()
+        self._thread.join(5.0)
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    def _take_verdict(self, message: Any) -> None:
+        verdict = msgspec.json.decode(message.data, type=Verdict)
+        self.verdicts.append(Heard(verdict.weld_id, verdict.publisher, verdict.sequence, time.monotonic()))
+
+    def _take_settled(self, message: Any) -> None:
+        self.settled.update(msgspec.json.decode(message.data, type=Settled).profile_ids)
+
+
+class Load:
+    """Measurement files of distinct welds, renamed into the folder; every `bad_every`-th cannot be used."""
+
+    def __init__(self, folder: Path, bad_every: int = 0) -> None:
+        self.folder = folder / "measurements"
+        self.folder.mkdir()
+        self.dropped = 0
+        self._prepared = folder / "prepared.csv"
+        self._bad_every = bad_every
+        self._dip = profiles.read_profile(profiles.find("weld-1-dip"))
+
+    def drop(self) -> None:
+        """One more file."""
+        number = self.dropped
+        if self._bad_every and number % self._bad_every == self._bad_every - 1:
+            self._prepared.write_text(f"# {number}\n{BAD_FILE}")
+        else:
+            heights_m = [height * (1 + 2e-5 * number) for height in self._dip.z_m]
+            sha256 = profile_sha256(self._dip.x_m, heights_m)
+            weld = msgspec.structs.replace(self._dip, weld_id=f"weld-{number}", z_m=heights_m, profile_sha256=sha256)
+            profiles.write_profile(weld, self._prepared)
+        self._prepared.rename(self.folder / f"{number:06}.csv")
+        self.dropped += 1
+
+    @property
+    def usable(self) -> set[str]:
+        """The welds of all files that can be used."""
+        bad = self._bad_every
+        return {f"weld-{n}" for n in range(self.dropped) if not bad or n % bad != bad - 1}
+
+
+class Field(NamedTuple):
+    """What a run has to do with."""
+
+    load: Load
+    bag: Path
+    listener: Listener
+    supervisor: Supervisor
+
+
+@contextmanager
+def field(*, bad_every: int = 0, **simulator: Any) -> Iterator[Field]:
+    """The suite as processes over an empty folder, with a listener; on this machine alone."""
+    keep_to_itself()
+    with tempfile.TemporaryDirectory(prefix="weld-force-soak-") as name:
+        os.environ.setdefault("ROS_LOG_DIR", name)
+        folder = Path(name)
+        load, bag = Load(folder, bad_every), folder / "bag"
+        supervisor = Supervisor(
+            {
+                "profile": {"folder": str(load.folder), "settle_s": 0.0},
+                "simulator": simulator,
+                "assessment": {"bag": str(bag), "split_mb": 64.0},
+            },
+            ["--ros-args", "--log-level", "fatal"],
+        )
+        with Listener() as listener, supervisor:
+            yield Field(load, bag, listener, supervisor)
+
+
+def wait_until(condition: Callable[[], bool], within_s: float, supervisor: Supervisor) -> bool:
+    """Whether a condition is met in time; the nodes are looked after meanwhile."""
+    deadline_s = time.monotonic() + within_s
+    while not (met := condition()) and time.monotonic() < deadline_s:
+        supervisor.look_after()
+        time.sleep(0.05)
+    return met
+
+
+class Recorded(NamedTuple):
+    """What a bag holds: outcomes by measurement, usable welds judged, and every verdict's publisher and sequence."""
+
+    outcomes: Counter[str]
+    judged: set[str]
+    verdicts: set[tuple[str, int]]
+
+
+class _Line(msgspec.Struct):
+    weld_id: str = ""
+    profile_id: str = ""
+    publisher: str = ""
+    sequence: int = 0
+
+
+def recorded(bag: Path) -> Recorded:
+    """Count the outcomes in a bag."""
+    found = Recorded(Counter(), set(), set())
+    for message in stored(bag):
+        topic = message.topic.rpartition("/")[2]
+        if topic not in ("verdict", "rejection"):
+            continue
+        line = msgspec.json.decode(message.content.data, type=_Line)
+        found.outcomes[line.profile_id] += 1
+        if topic == "verdict":
+            found.judged.add(line.weld_id)
+            found.verdicts.add((line.publisher, line.sequence))
+    return found

@@ -1,0 +1,138 @@
+"""kill -9 of each node at random moments under load: `python -m tests.soak.kills [--kills 100]` (of each node)."""
+
+import argparse
+import os
+import random
+import signal
+import tempfile
+import threading
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from weld_force_ros.bag import open_bag, recover
+from weld_force_ros.ros.run import KINDS, Kind
+
+from .field import Field, recorded, wait_until
+from .field import field as run_field
+
+OLDER_S = 0.25
+_ALL_WITHIN_S = 120.0
+
+
+@dataclass
+class Result:
+    """What came of a run.
+
+    Attributes:
+        kills: by kind of node.
+        welds: files dropped.
+        lost: files without an outcome in the bag.
+        doubled: files with more than one.
+        unrecorded: verdicts that a listener had `OLDER_S` before a kill, and that the bag does not hold.
+        recovered: messages of the recovered bag.
+        second_reader: the same as `rosbags` counts them.
+    """
+
+    kills: Counter[str] = field(default_factory=Counter)
+    welds: int = 0
+    lost: int = 0
+    doubled: int = 0
+    heard_twice: int = 0
+    unrecorded: int = 0
+    recovered: int = 0
+    second_reader: int = 0
+    recovered_lossy: bool = True
+    elapsed_s: float = 0.0
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing was lost, nothing doubled, and the recovered bag is whole."""
+        whole = self.recovered == self.second_reader > 0
+        return whole and not (self.lost or self.doubled or self.unrecorded or self.recovered_lossy)
+
+
+def run(kills: int, *, welds_per_s: float = 8.0, seed: int = 1, kinds: tuple[Kind, ...] = KINDS) -> Result:
+    """Kill each kind of node so often; then see what the bag holds.
+
+    Args:
+        kills: of each kind.
+        welds_per_s: offered meanwhile; every tenth file cannot be used.
+        seed: of the moments and the order.
+        kinds: which nodes.
+    """
+    choice, result, began_s = random.Random(seed), Result(), time.monotonic()  # noqa: S311 - no secret
+    victims = [kind for kind in kinds for _ in range(kills)]
+    choice.shuffle(victims)
+    with run_field(bad_every=10, speeds="80,160", positions="2") as suite:
+        stopping = threading.Event()
+        loader = threading.Thread(target=_load, args=(suite, welds_per_s, stopping), daemon=True)
+        suite.load.drop()
+        assert wait_until(lambda: bool(suite.listener.verdicts), 60.0, suite.supervisor), "the suite does not start"
+        loader.start()
+        due: set[tuple[str, int]] = set()
+        for victim in victims:
+            wait_until(lambda: False, choice.uniform(0.1, 2.5), suite.supervisor)
+            child = suite.supervisor.children[victim]
+            if not wait_until(lambda child=child: child.pid is not None, 40.0, suite.supervisor):
+                raise TimeoutError(f"the {victim} node was not started again")
+            at_s = time.monotonic()
+            os.kill(child.pid or 0, signal.SIGKILL)
+            result.kills[victim] += 1
+            due |= {(v.publisher, v.sequence) for v in suite.listener.verdicts if v.at_s < at_s - OLDER_S}
+        stopping.set()
+        loader.join()
+        wait_until(lambda: len(suite.listener.settled) >= suite.load.dropped, _ALL_WITHIN_S, suite.supervisor)
+        os.kill(suite.supervisor.children["assessment"].pid or 0, signal.SIGKILL)
+        time.sleep(0.2)
+        _judge(suite, due, result)
+    result.elapsed_s = time.monotonic() - began_s
+    return result
+
+
+def _load(suite: Field, welds_per_s: float, stopping: threading.Event) -> None:
+    while not stopping.wait(1 / welds_per_s):
+        suite.load.drop()
+
+
+def _judge(suite: Field, due: set[tuple[str, int]], result: Result) -> None:
+    found = recorded(suite.bag)
+    result.welds = suite.load.dropped
+    bad = result.welds - len(suite.load.usable)
+    rejected = len(found.outcomes) - len(found.judged)
+    result.lost = len(suite.load.usable - found.judged) + max(0, bad - rejected)
+    result.doubled = sum(n - 1 for n in found.outcomes.values())
+    result.unrecorded = len(due - found.verdicts)
+    result.heard_twice = sum(
+        n - 1 for n in Counter((v.publisher, v.sequence) for v in suite.listener.verdicts).values()
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "recovered"
+        report = recover(suite.bag, target)
+        result.recovered, result.recovered_lossy = report.message_count, report.lossy
+        assert open_bag(target).damage is None
+        with AnyReader([target], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+            for connection, _, data in reader.messages():
+                reader.deserialize(data, connection.msgtype)
+                result.second_reader += 1
+
+
+def main() -> int:
+    """Run and print."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--kills", type=int, default=100, help="of each node")
+    parser.add_argument("--seed", type=int, default=1)
+    given = parser.parse_args()
+    result = run(given.kills, seed=given.seed)
+    for name, value in vars(result).items():
+        print(f"{name:16} {dict(value) if isinstance(value, Counter) else value}")
+    print("passed" if result.passed else "FAILED")
+    return 0 if result.passed else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

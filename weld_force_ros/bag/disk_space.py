@@ -1,0 +1,62 @@
+"""How much room is left on the disk of a recording, and for how long at the rate it grows."""
+
+import math
+import shutil
+import time
+from contextlib import suppress
+from pathlib import Path
+
+NEARLY_FULL_BYTES = 512 * 10**6
+NEARLY_FULL_S = 600.0
+"""A disk is announced as nearly full below so many bytes, or with less room than for this time at the present rate."""
+
+_RATE_OVER_S = 60.0
+_SHORTEST_RATE_S = 1.0
+
+
+class DiskSpace:
+    """The room on the disk of a folder, of which a reserve is left for what completes a recording."""
+
+    def __init__(self, directory: Path, reserve_bytes: int) -> None:
+        self.reserve_bytes = reserve_bytes
+        self._directory = directory
+        self._free_bytes = 0
+        self._written = 0.0
+        self._began_s = self._written_s = time.monotonic()
+
+    @property
+    def free_bytes(self) -> int:
+        """What the folder's disk has free for this user; what it had last where it cannot be asked."""
+        with suppress(OSError):  # a folder that is gone is found by who writes to it
+            self._free_bytes = shutil.disk_usage(self._directory).free
+        return self._free_bytes
+
+    @property
+    def rate_bytes_per_s(self) -> float:
+        """How fast the recording grew over the last minute or so."""
+        now_s = time.monotonic()
+        weight_s = _RATE_OVER_S * -math.expm1(-max(now_s - self._began_s, _SHORTEST_RATE_S) / _RATE_OVER_S)
+        return self._decayed(now_s) / weight_s
+
+    @property
+    def nearly_full(self) -> str | None:
+        """That the disk will be full soon, in a clause; None while there is room."""
+        free_bytes, rate_bytes_per_s = self.free_bytes, self.rate_bytes_per_s
+        if free_bytes >= max(NEARLY_FULL_BYTES, NEARLY_FULL_S * rate_bytes_per_s):
+            return None
+        clause = f"disk nearly full: {free_bytes / 1e6:.0f} MB free"
+        left_min = max(0.0, (free_bytes - self.reserve_bytes) / rate_bytes_per_s / 60) if rate_bytes_per_s else math.inf
+        return f"{clause}, about {left_min:.0f} min at this rate" if left_min < 24 * 60 else clause
+
+    def wrote(self, count: int) -> None:
+        """Note that the recording grew by so many bytes."""
+        now_s = time.monotonic()
+        self._written = self._decayed(now_s) + count
+        self._written_s = now_s
+
+    def has_room_for(self, count: int) -> bool:
+        """Whether so many bytes more would leave the reserve."""
+        return self.free_bytes - count >= self.reserve_bytes
+
+    def _decayed(self, now_s: float) -> float:
+        return self._written * math.exp(-(now_s - self._written_s) / _RATE_OVER_S)

@@ -1,0 +1,254 @@
+"""The nodes' parameters: names, defaults, ranges, what may change live; and files of them (`data/config`), checked."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+
+from weld_force_ros import assess
+from weld_force_ros.contract import SimulationSettings
+from weld_force_ros.errors import InputError
+from weld_force_ros.tracks import decode_yaml
+
+Value = str | float | int | bool
+MAX_FILE_BYTES = 1_000_000
+
+
+@dataclass(frozen=True)
+class NodeParameter:
+    """One parameter of a node.
+
+    Attributes:
+        name: as ROS has it.
+        default: its type is the parameter's.
+        description: what it is, with its unit.
+        low: least number.
+        high: largest number.
+        live: whether it may change while the node is configured; otherwise only before.
+        listed: a list in text form, which ROS may read as text, number or list: `20:300:5`, `15`, `[40, 80]`.
+    """
+
+    name: str
+    default: Value
+    description: str
+    low: float | None = None
+    high: float | None = None
+    live: bool = False
+    listed: bool = False
+
+
+_UNIT = "of files that do not state it: m, cm, mm or um; empty: not stated"
+_OWN = "0: the track's own"
+_AUTOSTART = NodeParameter("autostart", True, "configure and activate at once, without a lifecycle manager")
+
+PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
+    "profile_node": (
+        _AUTOSTART,
+        NodeParameter("folder", "", "folder of measurement files (*.csv, *.txt), watched; captures are written to it"),
+        NodeParameter("settle_s", 0.2, "s that a file must stay unchanged before it is read", 0.0, 600.0),
+        NodeParameter("x_unit", "", f"unit of the positions {_UNIT}"),
+        NodeParameter("z_unit", "", f"unit of the heights {_UNIT}"),
+        NodeParameter("z_positive", "", "up or down: what a positive height means in files that do not state it"),
+        NodeParameter("spacing", 0.0, "distance of samples in x_unit, for files of heights only", 0.0, 1e6),
+        NodeParameter("rail", "", "name of the rail that a live trolley measures, such as left"),
+        NodeParameter("detect_welds", False, "look for welds in the live rail surface, beside those that are marked"),
+        NodeParameter(
+            "marker_offset_m",
+            0.0,
+            "m that a mark without chainage lies beyond the newest sample, towards higher chainages",
+            -50.0,
+            50.0,
+        ),
+        NodeParameter("mark_timeout_s", 600.0, "s after which a mark without its rail is given up", 1.0, 86_400.0),
+    ),
+    "simulator_node": (
+        _AUTOSTART,
+        NodeParameter("track", "bilbao", "a shipped track, or the path of a track file (YAML)"),
+        NodeParameter("engine", "common-poles", "common-poles, rfp or reference"),
+        NodeParameter("speeds", "20:300:5", "speeds in km/h: first:last:step, or a list", live=True, listed=True),
+        NodeParameter(
+            "positions", "15", "equal steps over one span, or a list of m after the sleeper", live=True, listed=True
+        ),
+        NodeParameter("wheel_mass_kg", 0.0, f"unsprung mass per wheel, kg; {_OWN}", 0.0, 1e4),
+        NodeParameter("static_load_n", 0.0, f"static wheel load, N; {_OWN}", 0.0, 1e6),
+        NodeParameter("wheel_radius_m", 0.0, f"wheel radius, m; {_OWN}", 0.0, 2.0),
+        NodeParameter("hertz_n_per_m15", 0.0, f"contact stiffness, N/m^1.5; {_OWN}", 0.0, 1e13),
+    ),
+    "assessment_node": (
+        _AUTOSTART,
+        NodeParameter("limits", "", "file of limits (YAML); empty: the shipped ones", live=True),
+        NodeParameter("bag", "", "folder to record to; a recording there is continued; empty: no recording"),
+        NodeParameter("split_mb", 256.0, "MB after which a new file of the bag is begun", 1.0, 1e6),
+        NodeParameter("split_minutes", 60.0, "minutes after which a new file of the bag is begun", 0.1, 1e5),
+    ),
+    "trolley_node": (
+        _AUTOSTART,
+        NodeParameter("seed", 1, "of the simulated rail and of what goes wrong on it", 0, 2**31 - 1),
+        NodeParameter("length_m", 200.0, "m of rail that is measured", 5.0, 1e5),
+        NodeParameter("speed_m_per_s", 1.2, "m/s at which the trolley is pushed", 0.05, 20.0),
+        NodeParameter("rate", 1.0, "how much faster than real", 0.1, 1000.0),
+        NodeParameter("marks", "marker", "how welds are marked: marker (topic), service (capture_weld) or none"),
+        NodeParameter("form", "json", "how samples are sent: json (rail_surface) or points (rail_surface_points)"),
+    ),
+}
+
+
+def shipped_config() -> Path:
+    """The parameter file that comes with the package: every parameter at its default."""
+    return Path(str(resources.files("weld_force_ros.data") / "config" / "default.yaml"))
+
+
+def read_config(path: Path) -> dict[str, dict[str, dict[str, Any]]]:
+    """A ROS parameter file for these nodes, checked.
+
+    Args:
+        path: YAML of the form `/**/simulator_node: {ros__parameters: {track: bilbao}}`.
+
+    Returns:
+        Parameters by node pattern, as in the file: `{"/**/simulator_node": {"ros__parameters": {...}}}`.
+
+    Raises:
+        InputError: not readable, not of that form, an unknown node or parameter, a wrong type or a value out of range.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_FILE_BYTES)
+        config = decode_yaml(data, dict[str, dict[str, dict[str, Any]]])
+        for pattern, content in config.items():
+            _check(pattern, content)
+    except OSError as error:
+        raise InputError(f"config {path}: {error.strerror or error}", "name a file that can be read") from None
+    except (msgspec.DecodeError, ValueError) as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"config {path}: {reason}", "write it after data/config/default.yaml") from None
+    return config
+
+
+def effective(config: Mapping[str, Mapping[str, Mapping[str, Any]]], node: str, namespace: str) -> dict[str, Any]:
+    """What a parameter file says for one node, later lines going before earlier ones.
+
+    Args:
+        config: as `read_config` returns it.
+        node: a key of `PARAMETERS`.
+        namespace: of the node, such as `/left`; empty or `/`: none.
+    """
+    full_name = f"/{namespace.strip('/')}/{node}".replace("//", "/")
+    found: dict[str, Any] = {}
+    for pattern, content in config.items():
+        if _matches(pattern, full_name):
+            found |= content["ros__parameters"]
+    return found
+
+
+def check(node: str, values: Mapping[str, Any]) -> None:
+    """Refuse what a node cannot start with, before it is started.
+
+    Raises:
+        InputError: an unknown parameter, a wrong type, a value out of range, or settings that cannot be simulated.
+    """
+    try:
+        msgspec.convert(values, _structure(node))
+    except msgspec.ValidationError as error:
+        raise InputError(f"{node}: {error}", "see data/config/default.yaml for what it takes") from None
+    if node == "simulator_node":
+        simulation_settings(values)
+
+
+def simulation_settings(values: Mapping[str, Any]) -> SimulationSettings:
+    """Settings of a simulation from the simulator node's parameters; what is not given is at its default.
+
+    Raises:
+        InputError: anything that cannot be simulated.
+    """
+    given = {parameter.name: parameter.default for parameter in PARAMETERS["simulator_node"]} | dict(values)
+    wheel = ("wheel_mass_kg", "static_load_n", "wheel_radius_m", "hertz_n_per_m15")
+    return assess.simulation_settings(
+        track=given["track"],
+        engine=given["engine"],
+        speeds_kmh=assess.parse_speeds(_listed(given["speeds"])),
+        positions=assess.parse_positions(_listed(given["positions"])),
+        **{name: given[name] or None for name in wheel},
+    )
+
+
+def _listed(value: Any) -> str:
+    """A list in text form, of which ROS and YAML make what they like."""
+    return ",".join(map(str, value)) if isinstance(value, list) or hasattr(value, "typecode") else str(value)
+
+
+def _matches(pattern: str, full_name: str) -> bool:
+    tokens = [token for token in pattern.split("/") if token]
+    expression = "".join({"**": "(/[^/]+)*", "*": "/[^/]+"}.get(token, f"/{re.escape(token)}") for token in tokens)
+    return re.fullmatch(expression, full_name) is not None
+
+
+def _check(pattern: str, content: Mapping[str, Mapping[str, Any]]) -> None:
+    node = pattern.rpartition("/")[2]
+    if node not in PARAMETERS:
+        raise ValueError(f"{pattern!r} names none of {', '.join(PARAMETERS)}")
+    if set(content) != {"ros__parameters"}:
+        raise ValueError(f"{pattern}: holds {', '.join(content) or 'nothing'} instead of ros__parameters")
+    try:
+        msgspec.convert(content["ros__parameters"], _structure(node))
+    except msgspec.ValidationError as error:
+        raise ValueError(f"{pattern}: {error}") from None
+
+
+def config_schema() -> dict[str, Any]:
+    """JSON Schema (2020-12) of a parameter file."""
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": "weld_force_ros/config.json",
+        "type": "object",
+        "additionalProperties": False,
+        "patternProperties": {
+            f"^(/[A-Za-z0-9_*]+)*/?{node}$": {
+                "type": "object",
+                "additionalProperties": False,
+                "required": ["ros__parameters"],
+                "properties": {"ros__parameters": _schema(node)},
+            }
+            for node in PARAMETERS
+        },
+    }
+
+
+def default_config() -> str:
+    """The text of `data/config/default.yaml`: every parameter with its description, at its default."""
+    lines = [
+        "# Parameters of the nodes (ROS 2 parameter file), all at their defaults: copy it, and keep what you change.",
+        "# Use: weld-force up --config FILE, or any ROS node with --ros-args --params-file FILE.",
+        "# /**/ is every namespace; /left/simulator_node is the one of the left rail.",
+    ]
+    for node, parameters in PARAMETERS.items():
+        lines += [f"/**/{node}:", "  ros__parameters:"]
+        for parameter in parameters:
+            bounds = f" ({parameter.low:g} to {parameter.high:g})" if parameter.low is not None else ""
+            lines.append(f"    # {parameter.description}{bounds}{'; may change live' if parameter.live else ''}")
+            lines.append(f"    {parameter.name}: {msgspec.json.encode(parameter.default).decode()}")
+    return "\n".join(lines) + "\n"
+
+
+def _schema(node: str) -> dict[str, Any]:
+    (_,), components = msgspec.json.schema_components([_structure(node)], ref_template="{name}")
+    schema: dict[str, Any] = components[node]
+    return schema
+
+
+def _structure(node: str) -> type[msgspec.Struct]:
+    fields = [(parameter.name, _type(parameter), parameter.default) for parameter in PARAMETERS[node]]
+    fields.append(("use_sim_time", bool, False))
+    return msgspec.defstruct(node, fields, kw_only=True, forbid_unknown_fields=True)
+
+
+def _type(parameter: NodeParameter) -> Any:
+    if parameter.listed:
+        return Annotated[str | int | float | list[float], msgspec.Meta(description=parameter.description)]
+    if parameter.low is None:
+        return Annotated[type(parameter.default), msgspec.Meta(description=parameter.description)]
+    bounds = msgspec.Meta(description=parameter.description, ge=parameter.low, le=parameter.high)
+    return Annotated[type(parameter.default), bounds]

@@ -1,0 +1,141 @@
+"""The suite as one process a node: one that dies is started again, and said so."""
+
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from weld_force_ros.errors import WeldForceError
+from weld_force_ros.ros import environment
+from weld_force_ros.ros.run import DRAIN_S, KINDS, Kind, say, stop_signals
+
+_LOOK_S = 0.1
+_SOON_S, _LATER_S = 0.5, 30.0
+_STEADY_S = 60.0
+_BAD_INPUT = 2
+
+
+class Child:
+    """The process of one node.
+
+    Attributes:
+        kind: of node.
+        starts: how often it was started.
+    """
+
+    def __init__(self, kind: Kind, arguments: Sequence[str]) -> None:
+        self.kind = kind
+        self.starts = 0
+        self._command = [sys.executable, "-m", "weld_force_ros.ros.run", kind, *arguments]
+        self._wait_s = _SOON_S
+        self._start_at_s = 0.0
+        self._process: subprocess.Popen[bytes] | None = None
+
+    @property
+    def pid(self) -> int | None:
+        """Of the running process; None while there is none."""
+        return self._process.pid if self._process is not None else None
+
+    def start(self) -> None:
+        """Start the process; signals of the terminal do not reach it, it is stopped in its turn."""
+        self._process = subprocess.Popen(self._command, start_new_session=True)
+        self._started_s = time.monotonic()
+        self.starts += 1
+
+    def look_after(self) -> int | None:
+        """Start a process that has died again, after a pause that grows while it keeps dying; its code if it died."""
+        if self._process is None:
+            if time.monotonic() >= self._start_at_s:
+                self.start()
+            return None
+        code = self._process.poll()
+        if code is not None:
+            self._process = None
+            steady = time.monotonic() - self._started_s > _STEADY_S
+            self._wait_s = _SOON_S if steady or self.starts == 1 else min(2 * self._wait_s, _LATER_S)
+            self._start_at_s = time.monotonic() + self._wait_s
+            say(f"{self.kind} node {_how(code)}; starting it again in {self._wait_s:g} s, nothing accepted is lost")
+        return code
+
+    def stop(self, timeout_s: float) -> int:
+        """End the process after what it has taken; its exit code."""
+        if self._process is None:
+            return 0
+        self._process.terminate()
+        try:
+            code = self._process.wait(timeout_s)
+            return 0 if code == -signal.SIGTERM else code  # so early that it had taken nothing
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            return self._process.wait()
+
+
+class Supervisor:
+    """The nodes as processes; a context manager that stops them in the order of the flow.
+
+    Args:
+        parameters: by kind, then by name.
+        ros_args: as on a ROS command line, from `--ros-args` on; for every node.
+    """
+
+    def __init__(self, parameters: Mapping[Kind, Mapping[str, Any]], ros_args: Sequence[str] = ()) -> None:
+        self._parameters = parameters
+        self._ros_args = list(ros_args) or ["--ros-args"]
+        self.children: dict[Kind, Child] = {}
+        self.code = 0
+
+    def __enter__(self) -> "Supervisor":
+        environment.stay_on_this_machine()
+        self._stack = ExitStack()
+        file = Path(self._stack.enter_context(tempfile.TemporaryDirectory())) / "parameters.yaml"
+        nodes = {f"/**/{k}_node": {"ros__parameters": dict(given)} for k, given in self._parameters.items()}
+        file.write_text(yaml.safe_dump({k: v for k, v in nodes.items() if v["ros__parameters"]}))
+        arguments = [*self._ros_args, "--params-file", str(file)] if any(self._parameters.values()) else self._ros_args
+        self.children = {kind: Child(kind, arguments) for kind in KINDS}
+        for kind in reversed(KINDS):  # those that listen first
+            self.children[kind].start()
+        return self
+
+    def look_after(self) -> None:
+        """Start again what has died.
+
+        Raises:
+            WeldForceError: a node cannot be started as it is configured.
+        """
+        for child in self.children.values():
+            if child.look_after() == _BAD_INPUT and child.starts == 1:
+                raise WeldForceError(f"the {child.kind} node cannot work like this; see the line above")
+
+    def __exit__(self, *_: object) -> None:
+        with self._stack:
+            for kind in KINDS:  # each has handed on what it took before the next is asked to end
+                self.code |= int(self.children[kind].stop(DRAIN_S + 10.0) != 0)
+
+
+def supervise(parameters: Mapping[Kind, Mapping[str, Any]], ros_args: Sequence[str] = ()) -> int:
+    """Run the nodes as processes until SIGINT or SIGTERM: `weld-force up --processes`.
+
+    Returns:
+        The exit code: 0 if all that was taken was finished, 1 if something was left.
+
+    Raises:
+        WeldForceError: a node cannot be started as it is configured.
+    """
+    with stop_signals() as (stop, _):
+        supervisor = Supervisor(parameters, ros_args)
+        with supervisor:
+            while not stop.wait(_LOOK_S):
+                supervisor.look_after()
+            say("stopping: each node finishes what it has taken")
+    return supervisor.code
+
+
+def _how(code: int) -> str:
+    return f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
