@@ -26,7 +26,7 @@ from rosbags.interfaces import QosDurability, QosHistory
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
-from second_reader import check_bag
+from soak.second_reader import check_bag
 
 from weld_force_ros import bag as bags
 from weld_force_ros.errors import BagError

@@ -9,7 +9,7 @@ import pyarrow.parquet
 import pytest
 from bag_harness import EPOCH_NS, numbered, profile, record, rejection
 from mcap.reader import make_reader
-from second_reader import check_bag, check_export
+from soak.second_reader import check_bag, check_export
 
 from weld_force_ros import bag as bags
 from weld_force_ros import cli, contract

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 import yaml
 from bag_harness import numbered, read_by_rosbags, record, texts, write
-from second_reader import check_bag
+from soak.second_reader import check_bag
 
 from weld_force_ros import bag as bags
 from weld_force_ros.bag import recorder as recording

@@ -17,6 +17,7 @@ from weld_force_ros.cli_options import (
     XUnit,
     ZPositive,
     ZUnit,
+    ros_module,
 )
 from weld_force_ros.errors import InputError
 
@@ -39,7 +40,7 @@ def demo(
     from weld_force_ros import assess, terminal
     from weld_force_ros.profiles import shipped
 
-    demonstrate = _ros("demo").demonstrate
+    demonstrate = ros_module("demo").demonstrate
     folder = out or Path("weld-force-demo") / datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
     with terminal.progress() as bar:
         task = bar.add_task("measuring, simulating, judging", total=None if trolley else len(shipped()))
@@ -103,7 +104,7 @@ def up(
     """Run the three nodes until SIGINT or SIGTERM; each weld's outcome is shown as it comes."""
     from weld_force_ros import node_parameters
 
-    supervisor, run = _ros("supervisor"), _ros("run")
+    supervisor, run = ros_module("supervisor"), ros_module("run")
     given: dict[str, dict[str, Any]] = {
         "profile": {
             "folder": folder and str(folder.absolute()),
@@ -145,21 +146,9 @@ def node(
     kind: Annotated[str, typer.Argument(metavar="profile|simulator|assessment|trolley", help="Which node.")],
 ) -> None:
     """Run one node until SIGINT or SIGTERM; `--ros-args …` as on any ROS command line."""
-    run = _ros("run")
+    run = ros_module("run")
     if kind not in run.ALL_KINDS:
         raise InputError(f"there is no node {kind!r}", f"use {', '.join(run.ALL_KINDS)}")
     if context.args and context.args[0] != "--ros-args":
         raise InputError(f"{context.args[0]!r} is not understood", "ROS arguments follow --ros-args")
     raise typer.Exit(run.run_node(kind, context.args))
-
-
-def _ros(module: str) -> Any:
-    """A module of the ROS side, or one line that says how to get ROS."""
-    from importlib import import_module
-
-    try:
-        return import_module(f"weld_force_ros.ros.{module}")
-    except ImportError as error:
-        raise InputError(
-            f"ROS 2 is not there ({error})", "install it with `pip install 'weld_force_ros[ros]'` or source your ROS"
-        ) from None

@@ -1,9 +1,12 @@
-"""Options that several commands of `weld-force` share."""
+"""Options that several commands of `weld-force` share, and the way to the ROS side."""
 
+from importlib import import_module
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+
+from weld_force_ros.errors import InputError
 
 Track = Annotated[str, typer.Option(help="A shipped track or the path of a track file (YAML).")]
 EngineName = Annotated[str, typer.Option(help="How the track is represented in time.")]
@@ -21,3 +24,17 @@ ZUnit = Annotated[str | None, typer.Option("--z-unit", help="For plain text file
 ZPositive = Annotated[str | None, typer.Option("--z-positive", help="For plain text files: up or down.")]
 Spacing = Annotated[float | None, typer.Option(help="For files with heights only: sample spacing in --x-unit.")]
 SkipRows = Annotated[int, typer.Option("--skip-rows", help="For plain text files: lines to skip at the top.")]
+
+
+def ros_module(name: str) -> Any:
+    """A module of the ROS side.
+
+    Raises:
+        InputError: there is no ROS; says how to get it.
+    """
+    try:
+        return import_module(f"weld_force_ros.ros.{name}")
+    except ImportError as error:
+        raise InputError(
+            f"ROS 2 is not there ({error})", "install it with `pip install 'weld_force_ros[ros]'` or source your ROS"
+        ) from None

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from weld_force_ros import json_lines
-from weld_force_ros.cli_options import BagPath, Json
+from weld_force_ros.cli_options import BagPath, Json, ros_module
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -77,14 +77,8 @@ def _publish(
 ) -> None:
     from weld_force_ros import terminal
 
-    try:
-        from weld_force_ros.ros.playback import Manner, play
-        from weld_force_ros.ros.run import stop_signals
-    except ImportError as error:
-        raise InputError(
-            f"ROS 2 is not there ({error})", "install it with `pip install 'weld_force_ros[ros]'` or source your ROS"
-        ) from None
-    manner = Manner(
+    playback, stop_signals = ros_module("playback"), ros_module("run").stop_signals
+    manner = playback.Manner(
         rate=1.0 if rate is None else rate,
         start_offset_s=start_offset or 0.0,
         loop=bool(loop),
@@ -93,7 +87,7 @@ def _publish(
     )
     with terminal.progress() as bar, stop_signals() as (stop, _):
         task = bar.add_task("playing, seconds")
-        sent = play(
+        sent = playback.play(
             bag,
             manner,
             stop=stop,

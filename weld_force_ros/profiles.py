@@ -299,7 +299,7 @@ def _centre(x: list[Decimal], stated: Mapping[str, _Statement]) -> tuple[Decimal
 
 def _without_line(x: list[Decimal], z: list[Decimal]) -> tuple[list[Decimal], str]:
     """The heights less the line between the two ends."""
-    if any(after <= before for before, after in itertools.pairwise(x)):
+    if len(x) < 2 or any(after <= before for before, after in itertools.pairwise(x)):
         return z, "not detrended"  # such positions are refused with the bounds
     run, rise = x[-1] - x[0], z[-1] - z[0]
     offset_um, slope_mm_per_m = float(z[0]) * 1e6, float(rise / run) * 1e3

@@ -5,11 +5,12 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from ros_harness import Outcomes, Probe, QuickSimulator, profile_text, wait_until
 from std_msgs.msg import String
 
@@ -284,3 +285,42 @@ def test_diagnostics_tell_what_an_operator_asks(domain_id: int, probe: Probe, fo
     assert told["measurements without outcome"] == "0"
     assert told["sequence gaps"] == "0"
     assert float(told["received force_map per s"]) >= 0
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    mount = tmp_path / "disk"
+    mount.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", "size=200m", "tmpfs", str(mount)]
+    made = subprocess.run(command, capture_output=True, text=True, check=False)
+    if made.returncode:
+        pytest.skip(f"no file system can be mounted here: {made.stderr.strip()}")
+    yield mount
+    subprocess.run(["umount", "-l", str(mount)], check=True)
+
+
+def test_full_disk_is_announced_stops_judging_and_goes_on_when_there_is_room(
+    domain_id: int, probe: Probe, folder: Path, small_disk: Path
+) -> None:
+    diagnostics = probe.collect("/diagnostics", DiagnosticArray, qos.DIAGNOSTICS)
+    outcomes, bag, ballast = Outcomes(), small_disk / "bag", small_disk / "ballast"
+
+    def told(level: bytes, clause: str) -> Callable[[DiagnosticArray], bool]:
+        return lambda a: (
+            a.status[0].name == "/assessment_node" and a.status[0].level == level and clause in a.status[0].message
+        )
+
+    with suite(folder, bag, outcomes=outcomes) as running:
+        drop(folder, 0, 3)
+        outcomes.wait(3)
+        diagnostics.wait(1, told(DiagnosticStatus.WARN, "disk nearly full"))
+        ballast.write_bytes(bytes(150_000_000))
+        drop(folder, 3, 9)
+        diagnostics.wait(1, told(DiagnosticStatus.ERROR, "disk full"))
+        assert len(outcomes.messages) == 3
+        ballast.unlink()
+        outcomes.wait(9)
+        assert running.drain(10.0) == 0
+    assert judged(bag) == Counter(welds(0, 9))
+    assert len(list(bag.glob("*.mcap"))) == 2
+    assert open_bag(bag).damage is None

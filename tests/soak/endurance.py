@@ -9,6 +9,7 @@ from weld_force_ros.ros.run import KINDS
 
 from .field import Field, recorded, wait_until
 from .field import field as run_field
+from .second_reader import check_bag
 
 AHEAD = 100
 """Files in the folder beyond those that are settled: the suite always has work, the folder never floods."""
@@ -19,7 +20,12 @@ _WARM = 0.1
 
 @dataclass
 class Result:
-    """What came of a run; memory in MB, by kind of node."""
+    """What came of a run; memory in MB, by kind of node.
+
+    Attributes:
+        heard: verdicts that a listener got.
+        second_reader: messages of the bag, as `rosbags` reads and counts them.
+    """
 
     welds: int = 0
     lost: int = 0
@@ -28,6 +34,10 @@ class Result:
     restarts: int = 0
     elapsed_s: float = 0.0
     welds_per_s: float = 0.0
+    longest_ms_until_on_disk: float = 0.0
+    sequence_gaps: int = 0
+    bag_mb: float = 0.0
+    second_reader: int = 0
     memory_warm_mb: dict[str, float] = field(default_factory=dict)
     memory_end_mb: dict[str, float] = field(default_factory=dict)
     memory_most_mb: dict[str, float] = field(default_factory=dict)
@@ -54,6 +64,9 @@ def run(welds: int, *, show: bool = False, **simulator: str) -> Result:
         result.elapsed_s = time.monotonic() - began_s
         result.welds_per_s = (welds - 1) / result.elapsed_s
         result.memory_end_mb = _memory_mb(suite)
+        told = suite.listener.told
+        result.longest_ms_until_on_disk = float(told["/assessment_node"]["longest ms until on disk"])
+        result.sequence_gaps = sum(int(values["sequence gaps"]) for values in told.values())
         result.heard = len({v.weld_id for v in suite.listener.verdicts})
         result.restarts = sum(child.starts - 1 for child in suite.supervisor.children.values())
         supervisor, bag = suite.supervisor, suite.bag
@@ -62,6 +75,8 @@ def run(welds: int, *, show: bool = False, **simulator: str) -> Result:
         found = recorded(bag)
         result.lost = len(suite.load.usable - found.judged)
         result.doubled = sum(n - 1 for n in found.outcomes.values())
+        result.bag_mb = round(sum(file.stat().st_size for file in bag.iterdir()) / 1e6, 1)
+        result.second_reader = check_bag(bag).total()
     return result
 
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
@@ -21,6 +22,7 @@ from weld_force_ros.bag import stored
 from weld_force_ros.contract import TOPICS, Settled, Verdict, profile_sha256
 from weld_force_ros.ros import environment, qos
 from weld_force_ros.ros.demo import keep_to_itself
+from weld_force_ros.ros.health import TOPIC as DIAGNOSTICS_TOPIC
 from weld_force_ros.ros.supervisor import Supervisor
 
 BAD_FILE = "# x_unit: mm\nx,z\n0,nonsense\n"
@@ -36,11 +38,12 @@ class Heard(NamedTuple):
 
 
 class Listener:
-    """A foreign node that collects verdicts and what is settled."""
+    """A foreign node that collects verdicts, what is settled and what the nodes tell of themselves."""
 
     def __init__(self) -> None:
         self.verdicts: list[Heard] = []
         self.settled: set[str] = set()
+        self.told: dict[str, dict[str, str]] = {}
         self._context = rclpy.Context()
 
     def __enter__(self) -> "Listener":
@@ -49,6 +52,7 @@ class Listener:
         self._node = rclpy.create_node("listener", context=self._context)
         for kind, take in ((Verdict, self._take_verdict), (Settled, self._take_settled)):
             self._node.create_subscription(String, TOPICS[kind].name, take, qos.CONTRACT)
+        self._node.create_subscription(DiagnosticArray, DIAGNOSTICS_TOPIC, self._take_diagnostics, qos.DIAGNOSTICS)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._thread = threading.Thread(target=self._executor.spin, daemon=True)
@@ -64,6 +68,10 @@ class Listener:
     def _take_verdict(self, message: Any) -> None:
         verdict = msgspec.json.decode(message.data, type=Verdict)
         self.verdicts.append(Heard(verdict.weld_id, verdict.publisher, verdict.sequence, time.monotonic()))
+
+    def _take_diagnostics(self, array: Any) -> None:
+        for status in array.status:
+            self.told[status.name] = {value.key: value.value for value in status.values}
 
     def _take_settled(self, message: Any) -> None:
         self.settled.update(msgspec.json.decode(message.data, type=Settled).profile_ids)

@@ -36,7 +36,7 @@ from weld_force_ros.ros.health import TOPIC as DIAGNOSTICS_TOPIC
 from weld_force_ros.ros.ledger import Ledger, read_ledger
 from weld_force_ros.ros.managed import CLOSE_S, ManagedNode
 from weld_force_ros.ros.messenger import Incoming, Messenger, Sample
-from weld_force_ros.ros.worker import Worker
+from weld_force_ros.ros.worker import Gate, Worker
 
 M = TypeVar("M", bound=Message)
 Follow = Callable[[M], None]
@@ -110,7 +110,7 @@ class AssessmentNode(ManagedNode):
         self._report()
         for kind in _FOREIGN:
             self.messenger.listen(kind, partial(self._queue, kind))
-        self.messenger.listen(Inquiry, self._queue_inquiry)
+        self.messenger.listen(Inquiry, self._queue_inquiry, Gate(lambda: self.active))
         self.messenger.listen_to(DiagnosticArray, DIAGNOSTICS_TOPIC, qos.DIAGNOSTICS, self._queue_diagnostics)
         timer = self.create_timer(1.0, self._look_for_stall, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._resources.callback(self.destroy_timer, timer)
@@ -166,7 +166,10 @@ class AssessmentNode(ManagedNode):
 
     def _facts(self) -> dict[str, object]:
         since = f"{time.monotonic() - self._judged_s:.0f}" if self._verdicts else "none yet"
-        disk = {"disk free MB": f"{self._recorder.free_bytes / _MB:.0f}"} if self._recorder else {}
+        disk: dict[str, object] = {}
+        if self._recorder is not None:
+            disk["disk free MB"] = f"{self._recorder.free_bytes / _MB:.0f}"
+            disk["longest ms until on disk"] = f"{1e3 * self._recorder.longest_unsynced_s:.0f}"
         return {
             "seconds since last verdict": since,
             "measurements with outcome": self._ledger.settled_count,

@@ -105,6 +105,11 @@ class Outlet:
         self._publisher.publish(cdr)
         self._unacknowledged += 1
 
+    @property
+    def has_subscriber(self) -> bool:
+        """Whether one is matched; the node knows of a subscriber a moment before."""
+        return bool(self._publisher.get_subscription_count())
+
     def wait_until_acknowledged(self, deadline: float) -> None:
         """Wait until every subscriber has what was sent, or `deadline` (monotonic seconds)."""
         # rclpy's own waiting holds the interpreter lock.
@@ -282,13 +287,20 @@ class Messenger:
         self._node.get_logger().warning(f"{rejection.source} rejected: {rejection.reason}; {rejection.remedy}")
         return rejection
 
-    def listen(self, kind: type[Message], take: Callable[[Sample], None]) -> None:
-        """Subscribe to a contract topic; pass what `take` gets to `open` on another thread."""
-        self.listen_to(String, TOPICS[kind].name, qos.reading(TOPICS[kind]), take)
+    def listen(self, kind: type[Message], take: Callable[[Sample], None], group: CallbackGroup | None = None) -> None:
+        """Subscribe to a contract topic, in a group of its own if one is given; open what `take` gets elsewhere."""
+        self.listen_to(String, TOPICS[kind].name, qos.reading(TOPICS[kind]), take, group)
 
-    def listen_to(self, message_type: type, topic: str, profile: QoSProfile, take: Callable[[Sample], None]) -> None:
+    def listen_to(
+        self,
+        message_type: type,
+        topic: str,
+        profile: QoSProfile,
+        take: Callable[[Sample], None],
+        group: CallbackGroup | None = None,
+    ) -> None:
         """Subscribe to a topic beside the contract's."""
-        self._subscriptions.append(listen(self._node, message_type, topic, profile, take, self._group))
+        self._subscriptions.append(listen(self._node, message_type, topic, profile, take, group or self._group))
 
     def open(self, kind: type[Message], sample: Sample) -> Incoming:
         """Account for a sample of a contract topic, without judging its content."""

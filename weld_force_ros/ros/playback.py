@@ -34,7 +34,7 @@ from weld_force_ros.ros.messenger import Outlet
 CLOCK_TOPIC = "/clock"
 CLOCK_PERIOD_S = 1 / 40
 MIN_RATE, MAX_RATE = 0.1, 100.0
-DISCOVERY_S = 1.0
+DISCOVERY_S = 3.0
 
 _ACKNOWLEDGED_S = 5.0
 _LOOK_S = 0.01
@@ -288,18 +288,6 @@ def _node(domain_id: int | None) -> Iterator[Node]:
         context.try_shutdown()
 
 
-class _Part(Outlet):
-    """A topic that is played."""
-
-    def __init__(self, node: Node, message_type: type, topic: str, profile: QoSProfile) -> None:
-        super().__init__(node, message_type, topic, profile, lambda _: None)
-
-    @property
-    def has_subscriber(self) -> bool:
-        """Whether one is matched; the node knows of a subscriber a moment before."""
-        return bool(self._publisher.get_subscription_count())
-
-
 class _Graph:
     """The stage of real publishers.
 
@@ -318,7 +306,7 @@ class _Graph:
         self._node, self._score, self._say, self._on_time = node, score, say, on_time
         self._clock = node.create_publisher(Clock, CLOCK_TOPIC, 10) if manner.clock else None
         self._told_ns: int | None = None
-        self._parts: dict[_Channel, _Part] = {}
+        self._parts: dict[_Channel, Outlet] = {}
         self._latched: set[str] = set()
         self.sent = 0
         for topic, (message_type, channels) in self._playable().items():
@@ -389,7 +377,7 @@ class _Graph:
         largest = max(size.largest_bytes for size in channels.values())
         profile = offering((definition.offered_qos_profiles for _, definition in channels), largest)
         try:
-            part = _Part(self._node, message_type, topic, profile)
+            part = Outlet(self._node, message_type, topic, profile, lambda _: None)
         except InvalidTopicNameException:
             count = sum(size.message_count for size in channels.values())
             self._say(_not_played(topic, count, "ROS has no such topic names"))

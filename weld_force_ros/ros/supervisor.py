@@ -17,8 +17,8 @@ from weld_force_ros.ros import environment
 from weld_force_ros.ros.run import DRAIN_S, KINDS, Kind, say, stop_signals
 
 _LOOK_S = 0.1
-_SOON_S, _LATER_S = 0.5, 30.0
-_STEADY_S = 60.0
+_SOON_S, _LATER_S = 0.5, 5.0
+_STEADY_S = 3.0
 _BAD_INPUT = 2
 
 
