@@ -13,6 +13,7 @@ class DataInEditable(Distribution):
     """Setuptools leaves data files out of an editable install unless the distribution answers to this name."""
 
     def has_data(self) -> bool:
+        """Whether there are data files."""
         return bool(self.has_data_files())
 
 
@@ -29,7 +30,7 @@ setup(
     entry_points={"console_scripts": commands},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
-        # `colcon build --symlink-install` links just these beside setup.py, where pyproject.toml and what it names are read.
+        # `colcon build --symlink-install` builds in a folder with links to just these, and needs pyproject.toml there.
         (f"share/{NAME}", ["package.xml", "pyproject.toml", "README.md"]),
         (f"share/{NAME}/launch", glob("launch/*.launch.py")),
         (f"share/{NAME}/config", glob(f"{NAME}/data/config/*.yaml")),

@@ -18,7 +18,6 @@ from weld_force_ros.errors import InputError
 from weld_force_ros.ros.accounts import header_of
 
 COUNT, SEED = 2_000, 1
-BAG_DEFECTS = pytest.mark.xfail(strict=True, reason="known defects of bag/reading.py and bag/suite.py")
 
 
 @pytest.fixture(scope="module")
@@ -26,13 +25,7 @@ def report() -> Report:
     return malformed.run(malformed.available(), COUNT, SEED)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(kind.name, marks=BAG_DEFECTS) if kind.name == "recording" else kind.name
-        for kind in malformed.available()
-    ],
-)
+@pytest.mark.parametrize("name", [kind.name for kind in malformed.available()])
 def test_every_mutated_input_is_refused_or_valid(report, name):
     assert report.by_kind[name].failures == []
 

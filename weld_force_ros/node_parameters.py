@@ -10,12 +10,11 @@ from typing import Annotated, Any
 import msgspec
 
 from weld_force_ros import assess
-from weld_force_ros.contract import SimulationSettings
+from weld_force_ros.contract import SimulationSettings, legible
 from weld_force_ros.errors import InputError
-from weld_force_ros.tracks import decode_yaml
+from weld_force_ros.tracks import decode_yaml, read_yaml
 
 Value = str | float | int | bool
-MAX_FILE_BYTES = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -115,16 +114,13 @@ def read_config(path: Path) -> dict[str, dict[str, dict[str, Any]]]:
         InputError: not readable, not of that form, an unknown node or parameter, a wrong type or a value out of range.
     """
     try:
-        with path.open("rb") as file:
-            data = file.read(MAX_FILE_BYTES)
-        config = decode_yaml(data, dict[str, dict[str, dict[str, Any]]])
+        config = decode_yaml(read_yaml(path), dict[str, dict[str, dict[str, Any]]])
         for pattern, content in config.items():
             _check(pattern, content)
     except OSError as error:
         raise InputError(f"config {path}: {error.strerror or error}", "name a file that can be read") from None
     except (msgspec.DecodeError, ValueError) as error:
-        reason = " ".join(str(error).split())
-        raise InputError(f"config {path}: {reason}", "write it after data/config/default.yaml") from None
+        raise InputError(f"config {path}: {legible(str(error))}", "write it after data/config/default.yaml") from None
     return config
 
 

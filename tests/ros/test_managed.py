@@ -186,3 +186,40 @@ def test_every_parameter_has_a_description_and_numbers_a_range(
                 row.low,
                 row.high,
             )
+
+
+@pytest.mark.parametrize(
+    ("options", "part"),
+    [
+        (["--config", "nowhere.yaml"], "nowhere.yaml"),
+        (["--config", "bad.yaml"], "trak"),
+        (["--track", "nowhere"], "nowhere"),
+        (["--speeds", "fast"], "fast"),
+        (["--spacing", "-1"], "spacing"),
+        (["--folder", "elsewhere"], "elsewhere does not exist"),
+        (["--bag", "taken"], "taken"),
+        (["--limits", "nowhere.yaml"], "nowhere.yaml"),
+        ([], "folder"),
+    ],
+)
+def test_what_the_suite_cannot_start_with_is_one_line_and_exit_code_2(
+    domain_id: int,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    options: list[str],
+    part: str,
+) -> None:
+    from weld_force_ros.cli import main
+
+    monkeypatch.chdir(folder)
+    (folder / "bad.yaml").write_text("/**/simulator_node:\n  ros__parameters:\n    trak: bilbao\n")
+    (folder / "taken").write_text("evidence")
+    given = options if not options or "--folder" in options else ["--folder", ".", *options]
+    assert main(["up", *given]) == 2
+    out, err = capfd.readouterr()
+    refusals = [line for line in err.splitlines() if line.startswith("weld-force: ")]
+    assert out == ""
+    assert len(refusals) == 1
+    assert part in refusals[0]
+    assert "Traceback" not in err

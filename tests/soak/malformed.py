@@ -619,9 +619,10 @@ def _judge(kind: Kind, index: int, data: bytes, tally: Tally) -> None:
     tally.slowest_s = max(tally.slowest_s, time.process_time() - began)
 
 
-def _serve(connection: multiprocessing.connection.Connection, current: Any) -> None:
+def _serve(connection: multiprocessing.connection.Connection, current: Any, folder: str) -> None:
     """Work through jobs; the kernel ends this process at an input that takes too long."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT_BYTES, MEMORY_LIMIT_BYTES))
+    tempfile.tempdir = folder
     os.environ |= {"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF", "ROS_LOG_DIR": str(_folder())}
     _assessment()  # compiles
     for limit in (signal.SIGPROF, signal.SIGALRM):
@@ -648,9 +649,10 @@ class _Reader:
 
     def __init__(self) -> None:
         context = multiprocessing.get_context("spawn")
+        self._folder = tempfile.TemporaryDirectory(prefix="malformed-")  # outlives a process that is killed
         self._connection, theirs = context.Pipe()
         self._current = context.Value("q", 0)
-        self._process = context.Process(target=_serve, args=(theirs, self._current), daemon=True)
+        self._process = context.Process(target=_serve, args=(theirs, self._current, self._folder.name), daemon=True)
         self._process.start()
         theirs.close()
 
@@ -662,7 +664,7 @@ class _Reader:
             outcome: tuple[Tally, int] = self._connection.recv()
             return outcome
         except EOFError:
-            self._process.join()
+            self._end()
             index = self._current.value
             if index < 0:
                 raise RuntimeError("the reading process died before its first input") from None
@@ -671,7 +673,12 @@ class _Reader:
     def close(self) -> None:
         """Let the process end."""
         self._connection.send(None)
+        self._end()
+
+    def _end(self) -> None:
         self._process.join()
+        self._connection.close()
+        self._folder.cleanup()
 
 
 def _cause(exit_code: int) -> str:

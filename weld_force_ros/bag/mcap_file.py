@@ -20,12 +20,16 @@ from mcap.writer import MCAP0_MAGIC
 from mcap_ros2.decoder import DecoderFactory
 
 from weld_force_ros.bag.form import MAX_RECORD_BYTES, MessageDefinition, Tally
+from weld_force_ros.contract import legible
 from weld_force_ros.errors import BagError
 
 MAX_REORDERED_BYTES = 2**30
 """How much may have to be held in memory to bring a file into log order."""
 
 _UNREADABLE = (McapError, struct.error, ValueError)
+
+_HEADER = struct.Struct("<BQ")
+_MOST_RECORDS = 500_000  # of a chunk
 
 _FOOTER = struct.Struct("<BQQQI8s")
 _FOOTER_OPCODE, _FOOTER_CONTENT_BYTES, _SUMMARY_CRC_BYTES = 2, 20, 12
@@ -52,9 +56,21 @@ class Recorded(NamedTuple):
         except Exception as error:  # the decoder raises whatever malformed bytes lead it to
             raise self.problem(f"{type(error).__name__} {error}", "leave this topic out or record it again") from error
 
+    @property
+    def text(self) -> str:
+        """What a std_msgs/String holds.
+
+        Raises:
+            BagError: it cannot be decoded, or is no such message.
+        """
+        text = getattr(self.content, "data", None)
+        if not isinstance(text, str):
+            raise self.problem("not a text", "leave this topic out or record it again")
+        return text
+
     def problem(self, reason: str, remedy: str) -> BagError:
         """An error about this message, in one line."""
-        return BagError(f"{self.topic} at log time {self.log_time_ns} ns: {' '.join(reason.split())}", remedy)
+        return BagError(legible(f"{self.topic} at log time {self.log_time_ns} ns: {reason}"), remedy)
 
 
 @lru_cache(maxsize=64)
@@ -297,11 +313,24 @@ class McapFile:
             content = _inflate(chunk, self.path)
         except ValueError:
             return len(chunk.data)
-        source = _Source(BytesIO(content), len(content), self.path)
+        source = _Source(BytesIO(content), _credible(content), self.path)
         for record in source.records():
             if recorded := channels.take(record):
                 yield recorded
         return len(content) - source.intact
+
+
+def _credible(content: bytes) -> int:
+    """How far a chunk's content can be records: a few bytes may inflate to millions that are none."""
+    position = 0
+    for _ in range(_MOST_RECORDS):
+        if position + _HEADER.size > len(content):
+            break
+        opcode, length = _HEADER.unpack_from(content, position)
+        if opcode == 0 or length > len(content):
+            break
+        position += _HEADER.size + length
+    return min(position, len(content))
 
 
 class _Channels:

@@ -5,12 +5,14 @@ import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import yaml
+import msgspec
 
 from weld_force_ros.bag.form import Tally, together
 from weld_force_ros.bag.mcap_file import McapFile, Recorded
 from weld_force_ros.errors import BagError
+from weld_force_ros.tracks import decode_yaml, read_yaml
 
 
 @dataclass(frozen=True)
@@ -203,12 +205,12 @@ def listed_files(directory: Path) -> dict[str, int]:
     After a crash it may be either; names are stripped of folders.
     """
     try:
-        text = (directory / "metadata.yaml").read_text()
-        content = yaml.safe_load(text)["rosbag2_bagfile_information"]
+        text = read_yaml(directory / "metadata.yaml")
+        content = decode_yaml(text, dict[str, Any])["rosbag2_bagfile_information"]
         names = [Path(name).name for name in content["relative_file_paths"]]
         counts = {Path(file["path"]).name: int(file["message_count"]) for file in content.get("files") or ()}
-        return {name: counts.get(name, 0) for name in names}
-    except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError, AttributeError):
+        return {name: counts.get(name, 0) for name in names if "\0" not in name}
+    except (OSError, ValueError, OverflowError, msgspec.DecodeError, KeyError, TypeError, AttributeError):
         return {}
 
 

@@ -47,7 +47,7 @@ def _of_suite(bag: Bag, kinds: Collection[type[contract.Message]]) -> Iterator[t
 
 def _contract_message(recorded: Recorded, kind: type[contract.Message]) -> contract.Message | BagError:
     try:
-        return contract.decode(kind, recorded.content.data)
+        return contract.decode(kind, recorded.text)
     except MessageError as error:
         return recorded.problem(error.reason, error.remedy)
     except BagError as error:
@@ -117,7 +117,7 @@ def outcomes(bag: Bag) -> Outcomes | None:
     account = _Account()
     for recorded, kind in _of_suite(bag, (contract.WeldProfile, contract.Verdict, contract.Rejection)):
         try:
-            entry = msgspec.json.decode(recorded.content.data, type=_Entry)
+            entry = msgspec.json.decode(recorded.text, type=_Entry)
         except (BagError, msgspec.DecodeError):
             continue  # what cannot be read settles nothing
         account.enter(kind, entry)

@@ -6,12 +6,15 @@ import msgspec
 
 from weld_force_ros.contract import MAX_MESSAGE_BYTES
 
+MOST_PUBLISHERS = 1000
+"""Of all topics together, that are told apart: names come from outside, and every restart brings new ones."""
+
 
 class Header(msgspec.Struct):
     """What is read of a message that may be broken otherwise."""
 
-    publisher: str = ""
-    sequence: Annotated[int, msgspec.Meta(ge=0)] = 0
+    publisher: Annotated[str, msgspec.Meta(max_length=300)] = ""
+    sequence: Annotated[int, msgspec.Meta(ge=0, lt=2**53)] = 0
 
 
 def header_of(data: str) -> Header | None:
@@ -34,18 +37,24 @@ class GapCounter:
 
     def note(self, topic: str, header: Header) -> bool:
         """Account for a message that arrived; whether it had come before, as latched ones do to who starts again."""
-        key = (topic, header.publisher)
-        expected = self._next.get(key, header.sequence)
+        expected = self._next.get((topic, header.publisher), header.sequence)
         self.missed += max(0, header.sequence - expected)
         # A publisher without a name that counts from 0 again was restarted.
-        self._next[key] = 1 if header.sequence == 0 and not header.publisher else max(expected, header.sequence + 1)
+        restarted = header.sequence == 0 and not header.publisher
+        self._expect(topic, header.publisher, 1 if restarted else max(expected, header.sequence + 1))
         return bool(header.publisher) and header.sequence < expected
 
     def join(self, topic: str, header: Header) -> None:
         """Account for a message that came to a process before this one."""
-        key = (topic, header.publisher)
-        self._next[key] = max(self._next.get(key, 0), header.sequence + 1)
+        expected = self.next_from(topic, header.publisher)
+        self._expect(topic, header.publisher, max(expected, header.sequence + 1))
 
     def next_from(self, topic: str, publisher: str) -> int:
         """The sequence number that is expected next."""
         return self._next.get((topic, publisher), 0)
+
+    def _expect(self, topic: str, publisher: str, sequence: int) -> None:
+        self._next.pop((topic, publisher), None)
+        self._next[topic, publisher] = sequence
+        if len(self._next) > MOST_PUBLISHERS:  # the one that was silent for longest
+            del self._next[next(iter(self._next))]

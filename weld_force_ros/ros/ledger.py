@@ -111,7 +111,7 @@ def read_ledger(bag: Path, note: Callable[[type[Message], str], None]) -> Ledger
         if kind is None or recorded.definition.name != STRING.name:
             continue
         try:
-            text: str = recorded.content.data
+            text = recorded.text
             entry = msgspec.json.decode(text, type=_Entry)
         except (BagError, msgspec.DecodeError):
             continue  # what cannot be read settles nothing
