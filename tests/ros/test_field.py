@@ -324,3 +324,19 @@ def test_full_disk_is_announced_stops_judging_and_goes_on_when_there_is_room(
     assert judged(bag) == Counter(welds(0, 9))
     assert len(list(bag.glob("*.mcap"))) == 2
     assert open_bag(bag).damage is None
+
+
+def test_what_a_killed_ledger_did_not_tell_any_more_is_asked_for(
+    domain_id: int, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag = tmp_path / "bag"
+    with suite(folder, bag, ("profile",)) as early:
+        with suite(folder, bag, ("simulator", "assessment")) as killed:
+            # Recorded, as if the process were killed before the message leaves it.
+            monkeypatch.setattr(killed.nodes["assessment"].messenger._outlets[Settled], "send_again", lambda cdr: None)
+            drop(folder, 0, 3)
+            wait_until(lambda: killed.nodes["assessment"].messenger.sent(Settled) >= 3)
+            assert early.nodes["profile"]._dispatch.under_way == 3
+        with suite(folder, bag, ("simulator", "assessment")):
+            wait_until(lambda: early.nodes["profile"]._dispatch.under_way == 0)
+    assert judged(bag) == Counter(welds(0, 3))

@@ -225,7 +225,9 @@ class AssessmentNode(ManagedNode):
         elif not isinstance(rejection.profile_id, str):
             self._record_once(incoming)
             self._tell(rejection)
-        elif not self._ledger.is_settled(rejection.profile_id):
+        elif self._ledger.is_settled(rejection.profile_id):
+            self._answer_of([rejection.profile_id])
+        else:
             self._record(incoming.sample)
             self._tell(rejection)
             self._settle(rejection.profile_id)

@@ -11,6 +11,7 @@ from weld_force_ros.ros.qos import WINDOW
 _LOOK_S = 0.02
 _LEDGER_APPEARS_S = 1.0
 _ANSWER_WITHIN_S = 5.0
+_ASK_AGAIN_S = 3.0
 
 
 class Dispatch:
@@ -31,7 +32,7 @@ class Dispatch:
         self._under_way: dict[bytes, int] = {}
         self._answered: set[int] = set()
         self._changed = threading.Condition()
-        self._began_s = time.monotonic()
+        self._began_s = self._heard_s = time.monotonic()
 
     @property
     def under_way(self) -> int:
@@ -42,9 +43,9 @@ class Dispatch:
     def full(self) -> bool:
         """Whether the window is used up."""
         with self._changed:
-            oldest = next(iter(self._under_way.values()), self._messenger.sent(WeldProfile))
-            # Nothing without an outcome may be pushed out of what the publisher keeps for a simulator that joins late.
-            return len(self._under_way) >= WINDOW or self._messenger.sent(WeldProfile) - oldest >= 2 * WINDOW - 1
+            oldest = next(iter(self._under_way.values()), self._sent)
+            # Nothing without an outcome may be pushed out of what the publishers keep for those who join late.
+            return len(self._under_way) >= WINDOW or self._sent - oldest >= 2 * WINDOW - 1
 
     def take_settled(self, sample: Sample) -> None:
         """Note what the ledger says; for the executor's thread."""
@@ -52,6 +53,7 @@ class Dispatch:
         if settled is None:
             return
         with self._changed:
+            self._heard_s = time.monotonic()
             for profile_id in settled.profile_ids:
                 self._settled.add(bytes.fromhex(profile_id))
                 self._under_way.pop(bytes.fromhex(profile_id), None)
@@ -76,7 +78,7 @@ class Dispatch:
             return False
         key = bytes.fromhex(str(message.profile_id))
         with self._changed:
-            self._under_way[key] = self._messenger.sent(WeldProfile)
+            self._under_way[key] = self._sent
         try:
             self._messenger.publish(message)
         except Exception:
@@ -84,6 +86,17 @@ class Dispatch:
                 self._under_way.pop(key, None)
             raise
         return True
+
+    def ask_again(self) -> None:
+        """Ask for what is under way, if nothing was heard for a while: a ledger that was killed may not have told."""
+        with self._changed:
+            overdue = list(self._under_way) if time.monotonic() - self._heard_s > _ASK_AGAIN_S else []
+        if overdue and self._ledgers():
+            self._messenger.publish(Inquiry(profile_ids=[key.hex() for key in overdue]))
+
+    @property
+    def _sent(self) -> int:
+        return self._messenger.sent(WeldProfile) + self._messenger.sent(Rejection)
 
     def _known(self, profile_id: str) -> bool:
         key = bytes.fromhex(profile_id)

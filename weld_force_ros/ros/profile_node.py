@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from msgspec import UNSET
+from rclpy.clock import Clock, ClockType
 
 from weld_force_ros.columns import MAX_FILE_BYTES
 from weld_force_ros.contract import TOPICS, Inquiry, Rejection, Settled, WeldProfile, measurement_id
@@ -44,6 +45,8 @@ class ProfileNode(ManagedNode):
         self.messenger.listen(Settled, self._dispatch.take_settled)
         self._watcher = FolderWatcher(folder, SUFFIXES, values["settle_s"], self._take, self.messenger.complain)
         self._trolley = self._resources.enter_context(TrolleyInput(self, folder, self.messenger, values))
+        timer = self.create_timer(1.0, self._dispatch.ask_again, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._resources.callback(self.destroy_timer, timer)
         self.messenger.health.queue_length = lambda: self._watcher.waiting
         self.messenger.health.facts = self._facts
         self.messenger.health.warning = self._warning

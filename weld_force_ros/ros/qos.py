@@ -28,7 +28,7 @@ KEPT: dict[type[Message], int] = {
     ForceMap: 128,
     ForceHistory: 16,
     Verdict: 1000,
-    Rejection: WINDOW,
+    Rejection: 2 * WINDOW,
     Settled: 1000,
     SimulationSettings: 10,
     AssessmentSettings: 10,
