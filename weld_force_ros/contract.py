@@ -40,6 +40,7 @@ _LONGEST_REASON = 300
 Name = Annotated[str, Meta(min_length=1, max_length=200)]
 Text = Annotated[str, Meta(max_length=MAX_TEXT)]
 Sha256 = Annotated[str, Meta(pattern=_SHA256, description="SHA-256, lower-case hexadecimal")]
+Number = Annotated[int, Meta(ge=0, lt=2**53)]
 Metres = Annotated[float, Meta(description="m")]
 SpeedKmh = Annotated[float, Meta(description="km/h", gt=0.0, le=1000.0)]
 ForceN = Annotated[float, Meta(description="N")]
@@ -75,7 +76,7 @@ class Message(msgspec.Struct, kw_only=True):
 
     schema_version: Annotated[str, Meta(pattern=_VERSION)] = SCHEMA_VERSION
     publisher: Annotated[str, Meta(max_length=300)] = ""
-    sequence: Annotated[int, Meta(ge=0)] = 0
+    sequence: Number = 0
     stamp: Stamp = Stamp()
 
     def problem(self) -> str | None:
@@ -324,7 +325,7 @@ class Settled(Message, kw_only=True):
 
     profile_ids: ProfileIds
     asked_by: Annotated[str, Meta(max_length=300, description="publisher of the inquiry; empty: not asked")] = ""
-    asked_sequence: Annotated[int, Meta(ge=0)] = 0
+    asked_sequence: Number = 0
 
 
 class Topic(msgspec.Struct, frozen=True):

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import msgspec
 
-from weld_force_ros.contract import MAX_MESSAGE_BYTES
+from weld_force_ros.contract import MAX_MESSAGE_BYTES, Number
 
 MOST_PUBLISHERS = 1000
 """Of all topics together, that are told apart: names come from outside, and every restart brings new ones."""
@@ -14,7 +14,7 @@ class Header(msgspec.Struct):
     """What is read of a message that may be broken otherwise."""
 
     publisher: Annotated[str, msgspec.Meta(max_length=300)] = ""
-    sequence: Annotated[int, msgspec.Meta(ge=0, lt=2**53)] = 0
+    sequence: Number = 0
 
 
 def header_of(data: str) -> Header | None:
