@@ -52,7 +52,7 @@ hashes = st.text("0123456789abcdef", min_size=64, max_size=64)
 header = {
     "schema_version": st.integers(0, 99).map(lambda minor: f"1.{minor}"),
     "publisher": texts,
-    "sequence": st.integers(0, 2**63 - 1),
+    "sequence": st.integers(0, 2**53 - 1),
     "stamp": st.builds(Stamp, sec=st.integers(-(2**31), 2**31 - 1), nanosec=st.integers(0, 10**9 - 1)),
 }
 
@@ -326,6 +326,7 @@ def test_number_that_is_not_finite_is_never_sent(kind: type[Message], number: fl
         (Rejection, {"raw_text": "x" * 65_537}, "raw_text"),
         (Rejection, {"profile_sha256": "ABC"}, "profile_sha256"),
         (Rejection, {"sequence": -1}, "sequence"),
+        (Rejection, {"sequence": 2**53}, "sequence"),
         (Rejection, {"stamp": {"sec": 0, "nanosec": 10**9}}, "nanosec"),
     ],
 )
