@@ -15,7 +15,7 @@ AHEAD = 100
 """Files in the folder beyond those that are settled: the suite always has work, the folder never floods."""
 
 _STALLED_S = 60.0
-_WARM = 0.1
+_WARM = 0.01
 
 
 @dataclass
@@ -44,7 +44,7 @@ class Result:
 
     @property
     def growth_mb(self) -> dict[str, float]:
-        """From the first tenth of the run to its end."""
+        """From the first hundredth of the run, when everything is loaded, to its end."""
         return {kind: self.memory_end_mb[kind] - warm for kind, warm in self.memory_warm_mb.items()}
 
     @property

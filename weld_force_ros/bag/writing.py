@@ -129,6 +129,9 @@ class McapWriter:
         self._writer.finish()
 
 
+_FORCED_BYTES = 8 * 2**20
+
+
 def write_whole(path: Path, messages: Iterable[Recorded], tally: Tally) -> None:
     """Write messages in log order as one compressed, indexed file in rosbag2's form, and read it before it is named.
 
@@ -145,8 +148,14 @@ def write_whole(path: Path, messages: Iterable[Recorded], tally: Tally) -> None:
         writer = McapWriter(stream, chunked=True)
         content = information({path.name: tally})
         writer.note(content)
+        unforced_bytes = 0
         for recorded in messages:
             writer.add(*recorded)
+            unforced_bytes += len(recorded.data)
+            if unforced_bytes > _FORCED_BYTES:  # all at the end would keep a recording beside from the disk for long
+                stream.flush()
+                os.fdatasync(stream.fileno())
+                unforced_bytes = 0
         writer.note(content)
         writer.finish()
         stream.flush()

@@ -27,9 +27,9 @@ KEPT: dict[type[Message], int] = {
     WeldProfile: 2 * WINDOW,
     ForceMap: 128,
     ForceHistory: 16,
-    Verdict: 1000,
+    Verdict: 200,
     Rejection: 2 * WINDOW,
-    Settled: 1000,
+    Settled: 3 * WINDOW,
     SimulationSettings: 10,
     AssessmentSettings: 10,
 }

@@ -1,5 +1,6 @@
 """The suite as one process a node: one that dies is started again, and said so."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -20,6 +21,7 @@ _LOOK_S = 0.1
 _SOON_S, _LATER_S = 0.5, 5.0
 _STEADY_S = 3.0
 _BAD_INPUT = 2
+_FEW_ARENAS = {"MALLOC_ARENA_MAX": "2"}  # each thread's own arena would keep 10 MB and more that it needed once
 
 
 class Child:
@@ -45,7 +47,7 @@ class Child:
 
     def start(self) -> None:
         """Start the process; signals of the terminal do not reach it, it is stopped in its turn."""
-        self._process = subprocess.Popen(self._command, start_new_session=True)
+        self._process = subprocess.Popen(self._command, start_new_session=True, env={**_FEW_ARENAS, **os.environ})
         self._started_s = time.monotonic()
         self.starts += 1
 
