@@ -20,7 +20,7 @@ from weld_force_ros.contract import (
     WeldProfile,
 )
 
-WINDOW = 256
+WINDOW = 64
 """How many measurements of one profile node may be without an outcome: the others wait in the folder."""
 
 KEPT: dict[type[Message], int] = {
