@@ -163,7 +163,7 @@ class Suite:
             quiet = 0 if self.left else quiet + 1
             if abandon.wait(_LOOK_S):
                 break
-        return self.left
+        return 0 if quiet >= _QUIET_LOOKS else self.left  # diagnostics come and go for ever
 
     def close(self) -> None:
         """Stop at once, but close and index the bag; after `drain` nothing is lost by it.
