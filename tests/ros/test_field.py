@@ -340,3 +340,18 @@ def test_what_a_killed_ledger_did_not_tell_any_more_is_asked_for(
         with suite(folder, bag, ("simulator", "assessment")):
             wait_until(lambda: early.nodes["profile"]._dispatch.under_way == 0)
     assert judged(bag) == Counter(welds(0, 3))
+
+
+def test_suite_started_on_a_full_disk_waits_for_room_and_can_be_stopped(
+    domain_id: int, folder: Path, small_disk: Path
+) -> None:
+    (small_disk / "ballast").write_bytes(bytes(150_000_000))
+    drop(folder, 0, 2)
+    outcomes = Outcomes()
+    with suite(folder, small_disk / "bag") as stopped:
+        wait_until(lambda: stopped.nodes["assessment"]._disk_full)
+    with suite(folder, small_disk / "bag", outcomes=outcomes) as running:
+        wait_until(lambda: running.nodes["assessment"]._disk_full)
+        (small_disk / "ballast").unlink()
+        outcomes.wait(2)
+    assert judged(small_disk / "bag") == Counter(welds(0, 2))

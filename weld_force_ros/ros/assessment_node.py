@@ -96,7 +96,6 @@ class AssessmentNode(ManagedNode):
         self._resources.enter_context(self.messenger)
         if values["bag"]:
             self._begin_or_continue(Path(values["bag"]).expanduser(), values)
-        self.messenger.publish(self._limits)
         self._peak_force = self.messenger.outlet(WrenchStamped, "peak_force", qos.PLOT)
         self._to_simulator = self.messenger.outlet(
             String, TOPICS[WeldProfile].name, qos.SENT_AGAIN, record=lambda _: None
@@ -106,6 +105,7 @@ class AssessmentNode(ManagedNode):
         )
         self._resources.callback(self._worker.close, CLOSE_S)
         self._resources.callback(self._closing.set)
+        self._worker.put(partial(self._judge_by, self._limits))  # recorded, so it may have to wait for a full disk
         self._worker.put(self._take_up_what_was_left)
         self._report()
         for kind in _FOREIGN:
@@ -138,8 +138,7 @@ class AssessmentNode(ManagedNode):
         _limits(values)
 
     def _change(self, values: dict[str, Any], changes: dict[str, Any]) -> None:
-        limits = _limits(values)
-        self._worker.put(lambda: self._judge_by(limits))
+        self._worker.put(partial(self._judge_by, _limits(values)))
 
     def _judge_by(self, limits: AssessmentSettings) -> None:
         self._limits = limits
