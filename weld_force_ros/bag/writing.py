@@ -17,6 +17,8 @@ from weld_force_ros.errors import BagError
 PART = ".part"
 """What the name of a file ends in while it is written."""
 
+_FORCED_BYTES = 8 * 2**20  # of a whole file, at a time
+
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 """What the operating system says of a full disk, and of a user's full share of it."""
 
@@ -127,9 +129,6 @@ class McapWriter:
     def finish(self) -> None:
         """Write what ends a file."""
         self._writer.finish()
-
-
-_FORCED_BYTES = 8 * 2**20
 
 
 def write_whole(path: Path, messages: Iterable[Recorded], tally: Tally) -> None:

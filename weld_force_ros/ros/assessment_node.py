@@ -134,10 +134,10 @@ class AssessmentNode(ManagedNode):
         """Measurements accepted that have no outcome yet."""
         return self._ledger.open_count
 
-    def _check_change(self, values: dict[str, Any], changes: dict[str, Any]) -> None:
+    def _check_change(self, values: dict[str, Any]) -> None:
         _limits(values)
 
-    def _change(self, values: dict[str, Any], changes: dict[str, Any]) -> None:
+    def _change(self, values: dict[str, Any]) -> None:
         self._worker.put(partial(self._judge_by, _limits(values)))
 
     def _judge_by(self, limits: AssessmentSettings) -> None:
@@ -283,8 +283,8 @@ class AssessmentNode(ManagedNode):
                 self.messenger.publish_again(kept.kind, kept.cdr)
             self._settle(profile_id)
         self._ledger.unfinished.clear()
-        for kept in list(self._ledger.waiting_maps.values()):
-            force_map = self.messenger.read_again(ForceMap, kept.cdr)
+        for cdr in list(self._ledger.waiting_maps.values()):
+            force_map = self.messenger.read_again(ForceMap, cdr)
             if force_map is not None:
                 self._assess(force_map, "")
         self._heard_s = float("-inf")  # open measurements are sent to the simulator at once

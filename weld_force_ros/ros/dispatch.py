@@ -20,7 +20,8 @@ class Dispatch:
     The assessment node keeps the ledger. Where there is none, everything is sent, up to the window.
 
     Args:
-        messenger: of the node; `listen` is to be called with the gate open for good.
+        messenger: of the node.
+        ledgers: how many assessment nodes there are now.
         stopping: whether waiting is to be given up.
     """
 

@@ -29,7 +29,7 @@ _KINDS = {topic.name: topic.type for topic in TOPICS.values()}
 
 
 class Kept(NamedTuple):
-    """A serialised message, kept until it is no longer needed."""
+    """A serialised outcome, kept until it is no longer needed."""
 
     kind: type[Message]
     cdr: bytes
@@ -45,7 +45,7 @@ class Ledger:
 
     def __init__(self) -> None:
         self.unfinished: dict[str, Kept] = {}
-        self.waiting_maps: dict[str, Kept] = {}
+        self.waiting_maps: dict[str, bytes] = {}
         self._settled: set[bytes] = set()
         self._open: dict[str, bytes] = {}
 
@@ -128,7 +128,7 @@ def _enter(ledger: Ledger, kind: type[Message], recorded: Recorded, entry: _Entr
     elif kind is WeldProfile:
         ledger.accept(identity(entry), recorded.data)
     elif kind is ForceMap and not ledger.is_settled(identity(entry)):
-        ledger.waiting_maps[identity(entry)] = Kept(kind, recorded.data)
+        ledger.waiting_maps[identity(entry)] = recorded.data
     elif kind is Verdict or (kind is Rejection and isinstance(entry.profile_id, str)):
         ledger.settle(identity(entry))
         ledger.unfinished[identity(entry)] = Kept(kind, recorded.data)

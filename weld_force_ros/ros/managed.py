@@ -91,10 +91,10 @@ class ManagedNode(LifecycleNode):
         """Leave what comes in where it is."""
         self._active = False
 
-    def _check_change(self, values: dict[str, Any], changes: dict[str, Any]) -> None:
+    def _check_change(self, values: dict[str, Any]) -> None:
         """Raise an InputError if parameters cannot change to these values while the node is configured."""
 
-    def _change(self, values: dict[str, Any], changes: dict[str, Any]) -> None:
+    def _change(self, values: dict[str, Any]) -> None:
         """Bring a checked change about; on the executor's thread."""
 
     def start(self) -> None:
@@ -184,7 +184,7 @@ class ManagedNode(LifecycleNode):
                 "deactivate and clean up the node first",
             )
         try:
-            self._check_change(parameters.values(self, self.kind, changes), changes)
+            self._check_change(parameters.values(self, self.kind, changes))
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -192,7 +192,7 @@ class ManagedNode(LifecycleNode):
     def _note_parameters(self, given: list[Parameter]) -> None:
         changes = self._own(given)
         if self._configured and changes:
-            self._change(parameters.values(self, self.kind, changes), changes)
+            self._change(parameters.values(self, self.kind, changes))
 
     def _own(self, given: list[Parameter]) -> dict[str, Any]:
         own = {parameter.name for parameter in PARAMETERS[self.kind]}

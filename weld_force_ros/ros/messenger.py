@@ -235,20 +235,9 @@ class Messenger:
         self.health.complain(str(problem))
         self._node.get_logger().error(str(problem))
 
-    def reject(
-        self,
-        source: str,
-        error: Exception,
-        raw_text: str = "",
-        *,
-        source_sha256: str | UnsetType = UNSET,
-        profile_sha256: str | UnsetType = UNSET,
-        profile_id: str | UnsetType = UNSET,
-    ) -> Rejection:
-        """Publish what `rejection` makes, and return it."""
-        rejection = self.rejection(
-            source, error, raw_text, source_sha256=source_sha256, profile_sha256=profile_sha256, profile_id=profile_id
-        )
+    def reject(self, source: str, error: Exception, raw_text: str = "", **identities: str | UnsetType) -> Rejection:
+        """Publish what `rejection` makes of the same, and return it."""
+        rejection = self.rejection(source, error, raw_text, **identities)
         self.publish(rejection)
         return rejection
 

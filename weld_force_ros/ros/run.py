@@ -229,8 +229,8 @@ class Suite:
         for kind in ALL_KINDS:
             if kind in self.nodes:
                 self.nodes[kind].stop_intake()
-            if kind in self.nodes and kind in KINDS:
-                return
+                if kind in KINDS:  # a simulated trolley goes before the chain
+                    return
 
     def _under_way_to(self, taker: Kind) -> int:
         return sum(

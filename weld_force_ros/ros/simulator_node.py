@@ -81,10 +81,10 @@ class SimulatorNode(ManagedNode):
         """Profiles queued or being simulated."""
         return self._worker.pending if self._configured else 0
 
-    def _check_change(self, values: dict[str, Any], changes: dict[str, Any]) -> None:
+    def _check_change(self, values: dict[str, Any]) -> None:
         simulation_settings(values)
 
-    def _change(self, values: dict[str, Any], changes: dict[str, Any]) -> None:
+    def _change(self, values: dict[str, Any]) -> None:
         self._worker.put(simulation_settings(values))
 
     def _warning(self) -> str | None:
