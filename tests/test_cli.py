@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from weld_force_ros.cli import main
-from weld_force_ros.contract import TOPICS, ForceMap, Verdict, decode, json_schema
+from weld_force_ros.contract import SCHEMAS, ForceMap, Verdict, decode, json_schema
 from weld_force_ros.profiles import shipped
 
 QUICK = ["--speeds", "60,120", "--positions", "0.1,0.4"]
@@ -154,12 +154,12 @@ def test_schemas_in_the_repository_are_the_contracts(tmp_path, capfd):
     committed = Path(__file__).parent.parent / "msgs_json"
     assert run(capfd, "schema", "--write", str(tmp_path))[0] == 0
     assert {f.name: f.read_bytes() for f in tmp_path.iterdir()} == {f.name: f.read_bytes() for f in committed.iterdir()}
-    assert {f.stem for f in committed.iterdir()} == {kind.__name__ for kind in TOPICS}
+    assert {f.stem for f in committed.iterdir()} == {kind.__name__ for kind in SCHEMAS}
 
 
 def test_schema_to_stdout_is_one_json_line_a_message(capfd):
     _, lines, _ = run(capfd, "schema")
-    assert [json.loads(line) for line in lines] == [json_schema(kind) for kind in TOPICS]
+    assert [json.loads(line) for line in lines] == [json_schema(kind) for kind in SCHEMAS]
 
 
 def test_the_installed_command_works_from_any_folder_and_survives_a_closed_pipe(tmp_path):

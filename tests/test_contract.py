@@ -13,19 +13,31 @@ from msgspec import UNSET
 
 from weld_force_ros import contract
 from weld_force_ros.contract import (
+    SCHEMAS,
     TOPICS,
     AssessmentSettings,
     Criterion,
     ForceHistory,
     ForceMap,
+    GrindingAdvice,
+    HollowBand,
     Inquiry,
     Limit,
     Message,
+    NormPoint,
+    PositionOutcome,
+    ProfileMeasures,
     RailSurface,
     Rejection,
+    Restriction,
+    Rules,
     Settled,
     SimulationSettings,
+    SpeedBand,
+    SpeedCurve,
+    Spread,
     Stamp,
+    Uncertainty,
     Verdict,
     WeldMarker,
     WeldProfile,
@@ -39,7 +51,7 @@ from weld_force_ros.contract import (
 )
 from weld_force_ros.errors import MessageError
 
-KINDS = list(TOPICS)
+KINDS = list(SCHEMAS)
 each_kind = pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 
 texts = st.text(st.characters(codec="utf-8"), max_size=30)
@@ -90,21 +102,68 @@ def _hashed(settings: SimulationSettings) -> SimulationSettings:
     return settings
 
 
+share = st.floats(0.0, 1.0)
+uncertainty = st.builds(
+    Uncertainty, samples=st.integers(2, 10_000), noise_m=st.floats(0.0, 1e-3), noise_length_m=st.floats(1e-3, 1.0),
+    support_spread=share, hertz_spread=share, radius_low_m=st.floats(0.1, 0.4), radius_high_m=st.floats(0.4, 0.6),
+    source=texts,
+)  # fmt: skip
+
+
 simulation_settings = st.builds(
     SimulationSettings, config_sha256=hashes, track=names, track_definition=names,
     engine=st.sampled_from(["common-poles", "rfp", "reference"]), speeds_kmh=axis(speeds), positions_m=axis(metres),
     wheel_mass_kg=positive, static_load_n=positive, wheel_radius_m=st.floats(0.1, 1.9), hertz_n_per_m15=positive,
-    **header,
+    uncertainty=maybe(uncertainty), **header,
 ).map(_hashed)  # fmt: skip
 
 limits = st.builds(
-    Limit, name=names, limit=st.floats(-1e6, 0.0), reject_limit=st.floats(0.0, 1e6), unit=st.just("N"), source=texts
-)
-assessment_settings = st.lists(limits, min_size=1, max_size=4).flatmap(
-    lambda rows: st.builds(
-        AssessmentSettings, limits=st.just(rows), limits_sha256=st.just(limits_sha256(rows)), **header
-    )
-)
+    Limit, name=names, limit=st.floats(-1e6, 0.0), reject_limit=st.floats(0.0, 1e6), unit=st.just("N"), source=texts,
+    applies=maybe(texts), above_kmh=maybe(st.floats(0.0, 400.0)), to_kmh=maybe(st.floats(0.0, 400.0)),
+)  # fmt: skip
+
+
+def _sealed(settings: AssessmentSettings) -> AssessmentSettings:
+    settings.limits_sha256 = limits_sha256(settings)
+    return settings
+
+
+assessment_settings = st.builds(
+    AssessmentSettings, limits_sha256=hashes, limits=st.lists(limits, min_size=1, max_size=4),
+    rules=maybe(st.builds(Rules, unknown_position=st.sampled_from(["worst", "undecided"]), resolved_hz=positive)),
+    gradient_norm=st.just([]) | axis(speeds).map(lambda v: [NormPoint(speed_kmh=s, gradient_rad=1e-3) for s in v]),
+    **header,
+).map(_sealed)  # fmt: skip
+
+measures = st.builds(
+    ProfileMeasures, kind=st.sampled_from(["dip", "protrusion"]), dip_m=share, protrusion_m=share, gradient_rad=share,
+    straightedge_m=share, spacing_m=positive,
+)  # fmt: skip
+
+
+@st.composite
+def speed_curves(draw: st.DrawFn) -> SpeedCurve:
+    speeds_kmh = draw(axis(speeds))
+    values = cells(len(speeds_kmh))
+    return draw(
+        st.builds(
+            SpeedCurve, speeds_kmh=st.just(speeds_kmh), peak_force_n=values, min_force_n=values, contact_loss_s=values,
+            at_m=values, p2_force_n=maybe(values), force_20hz_n=maybe(values),
+        )
+    )  # fmt: skip
+
+
+@st.composite
+def spreads(draw: st.DrawFn) -> Spread:
+    count, positions_m = draw(st.integers(1, 3)), draw(axis(metres))
+    values, inputs = cells(count * len(positions_m)), cells(count)
+    return draw(
+        st.builds(
+            Spread, positions_m=st.just(positions_m), peak_force_n=values, min_force_n=values, contact_loss_s=values,
+            p2_force_n=maybe(values), force_20hz_n=maybe(values), gradient_rad=inputs, straightedge_m=inputs,
+            support_factor=inputs, hertz_factor=inputs, wheel_radius_m=inputs,
+        )
+    )  # fmt: skip
 
 
 @st.composite
@@ -115,8 +174,10 @@ def force_maps(draw: st.DrawFn) -> ForceMap:
         st.builds(
             ForceMap, weld_id=names, profile_sha256=hashes, config_sha256=hashes, track=names,
             engine=st.just("common-poles"), speeds_kmh=st.just(speeds_kmh), positions_m=st.just(positions_m),
-            peak_force_n=values, peak_x_m=values, min_force_n=values, contact_loss_s=values, static_load_n=positive,
-            span_m=positive, elapsed_s=st.floats(0.0, 1e6), line_speed_kmh=maybe(speeds),
+            peak_force_n=values, peak_x_m=values, min_force_n=values, contact_loss_s=values, p2_force_n=maybe(values),
+            force_20hz_n=maybe(values), measures=maybe(measures), curve=maybe(speed_curves()),
+            spread=maybe(spreads()), static_load_n=positive, span_m=positive,
+            elapsed_s=st.floats(0.0, 1e6), line_speed_kmh=maybe(speeds),
             weld_position_m=maybe(metres), chainage_m=maybe(metres), rail=maybe(names), **header,
         )
     )  # fmt: skip
@@ -130,14 +191,43 @@ force_histories = st.integers(1, 5).flatmap(
 )  # fmt: skip
 
 criteria = st.builds(
-    Criterion, name=names, value=numbers, limit=numbers, unit=st.just("kN"), passed=st.booleans(), source=texts
-)
+    Criterion, name=names, value=numbers, limit=numbers, unit=st.just("kN"), passed=st.booleans(), source=texts,
+    reject_limit=maybe(numbers), margin=maybe(numbers), applies=maybe(texts), speed_kmh=maybe(speeds),
+    position_m=maybe(metres), x_m=maybe(metres), exceeding=maybe(share), exceeding_reject=maybe(share),
+    driver=maybe(texts), driver_share=maybe(share),
+)  # fmt: skip
+decisions = st.sampled_from(["accept", "grind", "reject", "undecided"])
+few = {"max_size": 3}
 verdicts = st.builds(
     Verdict, weld_id=names, profile_sha256=hashes, config_sha256=hashes, limits_sha256=hashes, software=names,
-    decision=st.sampled_from(["accept", "grind", "reject"]), reason=texts,
+    decision=decisions, reason=texts,
     criteria=st.lists(criteria, min_size=1, max_size=3), peak_force_n=numbers, static_load_n=numbers,
     worst_speed_kmh=speeds, worst_position_m=metres, worst_x_m=metres, judged_speed_kmh=positive,
-    chainage_m=maybe(metres), rail=maybe(names), **header,
+    chainage_m=maybe(metres), rail=maybe(names), unjudged=st.lists(names, **few),
+    by_position=st.lists(st.builds(PositionOutcome, position_m=metres, decision=decisions), **few),
+    geometry_kind=maybe(st.sampled_from(["dip", "protrusion"])),
+    curve_class=maybe(st.sampled_from(["rises", "hollow"])),
+    maxima_kmh=st.lists(speeds, **few), permitted_speed_kmh=maybe(speeds), advice=st.lists(texts, **few),
+    hollows=st.lists(
+        st.builds(HollowBand, from_kmh=speeds, lowest_kmh=speeds, to_kmh=speeds, depth_n=positive), **few
+    ),
+    avoid=st.lists(st.builds(SpeedBand, from_kmh=speeds, to_kmh=speeds), **few),
+    restrictions=st.lists(
+        st.builds(Restriction, speed_kmh=speeds, peak_force_n=numbers, change=numbers, within_limits=st.booleans()),
+        **few,
+    ),
+    advice_step_kmh=maybe(positive), samples=st.integers(0, 10_000), **header,
+)  # fmt: skip
+grinding = st.integers(1, 5).flatmap(
+    lambda n: st.builds(
+        GrindingAdvice, weld_id=names, profile_sha256=hashes, config_sha256=hashes, limits_sha256=hashes,
+        software=names, reached=st.booleans(), reason=texts, x_m=cells(n), z_m=cells(n), removal_m=cells(n),
+        most_removed_m=positive, removed_m2=positive, band_limit_m=positive, stone_radius_m=positive,
+        decision_before=decisions, decision_after=decisions, before=st.lists(criteria, **few),
+        after=st.lists(criteria, **few), speeds_kmh=st.just([10.0, 20.0]), peak_before_n=cells(2),
+        peak_after_n=cells(2), reference_checked=st.integers(0, 99), reference_within=st.integers(0, 99),
+        reference_peak_n=maybe(numbers), elapsed_s=positive, **header,
+    )
 )  # fmt: skip
 
 rejections = st.builds(
@@ -172,6 +262,7 @@ MESSAGES: dict[type[Message], st.SearchStrategy[Any]] = {
     ForceHistory: force_histories,
     Verdict: verdicts,
     Rejection: rejections,
+    GrindingAdvice: grinding,
 }
 
 
@@ -201,6 +292,12 @@ def sample(kind: type[Message], **changes: Any) -> dict[str, Any]:
         WeldMarker: {"chainage_m": 1.0, "weld_id": "w"},
         Inquiry: {"profile_ids": [sha]},
         Settled: {"profile_ids": [sha]},
+        GrindingAdvice: {"limits_sha256": sha, "software": "s", "reached": True, "reason": "r", "x_m": one, "z_m": one,
+                         "removal_m": one, "most_removed_m": 1.0, "removed_m2": 1.0, "band_limit_m": 1.0,
+                         "stone_radius_m": 1.0, "decision_before": "grind", "decision_after": "accept",
+                         "before": [row | {"value": 2.0, "passed": False}],
+                         "after": [row | {"value": 1.0, "passed": True}], "speeds_kmh": one,
+                         "peak_before_n": one, "peak_after_n": one, "elapsed_s": 1.0},
     }  # fmt: skip
     common = {"weld_id": "w", "profile_sha256": sha, "config_sha256": sha}
     fields = {field.name for field in msgspec.structs.fields(kind)}
@@ -442,4 +539,4 @@ def test_profile_hash_sees_the_last_bit(heights: list[float], which: int):
 
 def test_topic_names_are_unique_and_every_message_has_one():
     assert len({topic.name for topic in TOPICS.values()}) == len(TOPICS)
-    assert set(TOPICS) == set(Message.__subclasses__()) == set(MESSAGES)
+    assert set(SCHEMAS) == set(Message.__subclasses__()) == set(MESSAGES)

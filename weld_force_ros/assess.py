@@ -275,7 +275,8 @@ def load_limits(path: Path | None = None) -> AssessmentSettings:
     for limit in limits:
         if limit.name not in MEASURES:
             raise InputError(f"limits {source}: {limit.name!r} names no criterion", f"use {', '.join(MEASURES)}")
-    settings = AssessmentSettings(limits_sha256=limits_sha256(limits), limits=limits)
+    settings = AssessmentSettings(limits_sha256="0" * 64, limits=limits)
+    settings.limits_sha256 = limits_sha256(settings)
     encode(settings)
     return settings
 

@@ -247,9 +247,9 @@ def schema(
 ) -> None:
     """The messages' JSON Schemas: to standard output, or written to a folder; also those of parameter files."""
     from weld_force_ros import node_parameters
-    from weld_force_ros.contract import TOPICS, json_schema
+    from weld_force_ros.contract import SCHEMAS, json_schema
 
-    for kind in TOPICS:
+    for kind in SCHEMAS:
         if write is None and config is None:
             sys.stdout.write(msgspec.json.encode(json_schema(kind)).decode() + "\n")
         elif write is not None:

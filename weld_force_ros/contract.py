@@ -17,7 +17,7 @@ from msgspec import UNSET, Meta, UnsetType
 
 from weld_force_ros.errors import MessageError
 
-SCHEMA_VERSION = "1.1"
+SCHEMA_VERSION = "1.2"
 
 MAX_MESSAGE_BYTES = 16 * 2**20
 MAX_SAMPLES = 50_000
@@ -26,6 +26,7 @@ MAX_POSITIONS = 1_000
 MAX_CELLS = 200_000
 MAX_TEXT = 65_536
 MAX_IDS = 1_000
+MAX_SAMPLED = 10_000
 
 MIN_PROFILE_SAMPLES = 20
 MAX_PROFILE_SPACING_M = 0.010
@@ -49,7 +50,19 @@ Samples = Annotated[list[float], Meta(min_length=MIN_PROFILE_SAMPLES, max_length
 Cells = Annotated[list[float], Meta(min_length=1, max_length=MAX_CELLS)]
 SpeedAxis = Annotated[list[SpeedKmh], Meta(min_length=1, max_length=MAX_SPEEDS)]
 PositionAxis = Annotated[list[Metres], Meta(min_length=1, max_length=MAX_POSITIONS)]
-Decision = Annotated[Literal["accept", "grind", "reject"], Meta(extra_json_schema={"type": "string"})]
+Decision = Annotated[
+    Literal["accept", "grind", "reject", "undecided"],
+    Meta(
+        extra_json_schema={"type": "string"},
+        description="undecided: the input cannot support a decision; the reason says what is missing",
+    ),
+]
+GeometryKind = Annotated[Literal["dip", "protrusion"], Meta(extra_json_schema={"type": "string"})]
+CurveClass = Annotated[
+    Literal["rises", "hollow"],
+    Meta(extra_json_schema={"type": "string"}, description="hollow: somewhere less speed means more force"),
+]
+UnknownPosition = Annotated[Literal["undecided", "worst"], Meta(extra_json_schema={"type": "string"})]
 Engine = Annotated[Literal["common-poles", "rfp", "reference"], Meta(extra_json_schema={"type": "string"})]
 LengthUnit = Annotated[Literal["m", "cm", "mm", "um"], Meta(extra_json_schema={"type": "string"})]
 UpOrDown = Annotated[Literal["up", "down"], Meta(extra_json_schema={"type": "string"})]
@@ -115,6 +128,28 @@ class WeldProfile(Message, kw_only=True):
         )
 
 
+class Uncertainty(msgspec.Struct, kw_only=True, frozen=True):
+    """What is not known exactly, and how many samples of it are rolled: `weld_force_ros.core.uncertainty`."""
+
+    samples: Annotated[int, Meta(ge=2, le=MAX_SAMPLED)]
+    seed: Number = 1
+    noise_m: Annotated[float, Meta(description="m, standard deviation of the measured heights", ge=0.0, le=1e-3)]
+    noise_length_m: Annotated[
+        float, Meta(description="m along the rail over which noise is correlated", gt=0.0, le=1.0)
+    ]
+    support_spread: Annotated[
+        float, Meta(description="standard deviation of ln(stiffness) of pad and ballast", ge=0.0, le=1.0)
+    ]
+    hertz_spread: Annotated[
+        float,
+        Meta(description="standard deviation of ln(Hertz constant): shapes of worn wheel and rail", ge=0.0, le=1.0),
+    ]
+    radius_low_m: Annotated[float, Meta(description="m, of the most worn wheel", gt=0.05, lt=2.0)]
+    radius_high_m: Annotated[float, Meta(description="m, of a new wheel", gt=0.05, lt=2.0)]
+    source: Text
+    verified: bool = False
+
+
 class SimulationSettings(Message, kw_only=True):
     """What a force map depends on beside the profile; latched, so that every recording holds it."""
 
@@ -130,6 +165,7 @@ class SimulationSettings(Message, kw_only=True):
     static_load_n: Annotated[float, Meta(description="N", gt=0.0)]
     wheel_radius_m: Annotated[float, Meta(description="m", gt=0.05, lt=2.0)]
     hertz_n_per_m15: Annotated[float, Meta(description="N/m^1.5", gt=0.0)]
+    uncertainty: Uncertainty | UnsetType = UNSET
 
     def problem(self) -> str | None:
         """Speeds or positions out of order, too large a grid, or a hash that is not the content's; else None."""
@@ -137,11 +173,16 @@ class SimulationSettings(Message, kw_only=True):
             return f"more than {MAX_CELLS} passages in one map"
         if not increasing(self.speeds_kmh) or not increasing(self.positions_m):
             return "speeds_kmh and positions_m must increase"
+        if isinstance(self.uncertainty, Uncertainty) and self.uncertainty.radius_low_m > self.uncertainty.radius_high_m:
+            return "uncertainty: radius_low_m is above radius_high_m"
         return None if self.config_sha256 == config_sha256(self) else "config_sha256 is not the hash of the settings"
 
 
 class Limit(msgspec.Struct, kw_only=True, frozen=True):
-    """A criterion's limits: up to `limit` passes, up to `reject_limit` asks for grinding, beyond it rejects."""
+    """A criterion's limits: up to `limit` passes, up to `reject_limit` asks for grinding, beyond it rejects.
+
+    One with `above_kmh` or `to_kmh` holds for lines of those speeds: above the one, up to the other.
+    """
 
     name: Name
     limit: float
@@ -149,6 +190,33 @@ class Limit(msgspec.Struct, kw_only=True, frozen=True):
     unit: Annotated[str, Meta(max_length=20)]
     source: Text
     verified: bool = False
+    applies: Annotated[str, Meta(max_length=MAX_TEXT, description="why a weld is held against it")] | UnsetType = UNSET
+    above_kmh: Annotated[float, Meta(description="km/h", ge=0.0)] | UnsetType = UNSET
+    to_kmh: Annotated[float, Meta(description="km/h", ge=0.0)] | UnsetType = UNSET
+
+
+class Rules(msgspec.Struct, kw_only=True, frozen=True):
+    """How limits become a decision; without rules the worst position counts and any sampling will do.
+
+    Attributes:
+        unknown_position: of a weld whose place in the span is unknown: the worst position's decision, or `undecided`
+            where not all positions have the same.
+        resolved_hz: what passes is undecided if samples are so far apart that at the worst speed they do not show waves
+            up to this frequency; 0: any sampling will do.
+        source: where these rules come from.
+    """
+
+    unknown_position: UnknownPosition = "undecided"
+    resolved_hz: Annotated[float, Meta(description="Hz", ge=0.0)] = 0.0
+    source: Text = ""
+    verified: bool = False
+
+
+class NormPoint(msgspec.Struct, kw_only=True, frozen=True):
+    """A largest gradient by line speed; linear between points, constant beyond them."""
+
+    speed_kmh: SpeedKmh
+    gradient_rad: Annotated[float, Meta(description="rad", gt=0.0)]
 
 
 class AssessmentSettings(Message, kw_only=True):
@@ -156,15 +224,66 @@ class AssessmentSettings(Message, kw_only=True):
 
     limits_sha256: Sha256
     limits: Annotated[list[Limit], Meta(min_length=1, max_length=100)]
+    rules: Rules | UnsetType = UNSET
+    gradient_norm: Annotated[list[NormPoint], Meta(max_length=100)] = []
 
     def problem(self) -> str | None:
         """A limit that cannot be applied, or a hash that is not the content's; else None."""
         for limit in self.limits:
             if limit.reject_limit < limit.limit:
                 return f"limit {limit.name}: reject_limit is below limit"
-        return (
-            None if self.limits_sha256 == limits_sha256(self.limits) else "limits_sha256 is not the hash of the limits"
-        )
+        if not increasing([point.speed_kmh for point in self.gradient_norm]):
+            return "gradient_norm: speeds must increase"
+        return None if self.limits_sha256 == limits_sha256(self) else "limits_sha256 is not the hash of the limits"
+
+
+class ProfileMeasures(msgspec.Struct, kw_only=True, frozen=True):
+    """What a profile's geometry says without a wheel."""
+
+    kind: GeometryKind
+    dip_m: Annotated[float, Meta(description="m, deepest place below its surroundings", ge=0.0)]
+    protrusion_m: Annotated[float, Meta(description="m, highest place above its surroundings", ge=0.0)]
+    gradient_rad: Annotated[float, Meta(description="rad, largest gradient of heights averaged over 25 mm", ge=0.0)]
+    straightedge_m: Annotated[
+        float, Meta(description="m, largest distance between the rail and a straightedge of 1 m on it", ge=0.0)
+    ]
+    spacing_m: Annotated[float, Meta(description="m, largest distance of samples", gt=0.0)]
+
+
+class SpeedCurve(msgspec.Struct, kw_only=True):
+    """The worst over all positions that count, speed by speed, finer than the map: for advice on speed.
+
+    Attributes:
+        at_m: where the weld lies in the passage with the largest peak.
+    """
+
+    speeds_kmh: Annotated[list[SpeedKmh], Meta(min_length=1, max_length=MAX_SPEEDS)]
+    peak_force_n: Cells
+    min_force_n: Cells
+    contact_loss_s: Cells
+    at_m: Cells
+    p2_force_n: Cells | UnsetType = UNSET
+    force_20hz_n: Cells | UnsetType = UNSET
+
+
+class Spread(msgspec.Struct, kw_only=True):
+    """What samples of the unknown came to: the worst over speeds up to the line's, row-major (sample, position).
+
+    `positions_m` are those that count; the inputs of each sample stand beside: factors on the nominal value, and the
+    wheel's radius.
+    """
+
+    positions_m: PositionAxis
+    peak_force_n: Cells
+    min_force_n: Cells
+    contact_loss_s: Cells
+    p2_force_n: Cells | UnsetType = UNSET
+    force_20hz_n: Cells | UnsetType = UNSET
+    gradient_rad: Cells
+    straightedge_m: Cells
+    support_factor: Cells
+    hertz_factor: Cells
+    wheel_radius_m: Cells
 
 
 class ForceMap(Message, kw_only=True):
@@ -200,6 +319,17 @@ class ForceMap(Message, kw_only=True):
         | UnsetType
     ) = UNSET
     elapsed_s: Seconds
+    p2_force_n: (
+        Annotated[Cells, Meta(description="N, largest force below 120 Hz (causal Butterworth low pass, 4th order)")]
+        | UnsetType
+    ) = UNSET
+    force_20hz_n: (
+        Annotated[Cells, Meta(description="N, largest force below 20 Hz (causal Butterworth low pass, 4th order)")]
+        | UnsetType
+    ) = UNSET
+    measures: ProfileMeasures | UnsetType = UNSET
+    curve: SpeedCurve | UnsetType = UNSET
+    spread: Spread | UnsetType = UNSET
     line_speed_kmh: SpeedKmh | UnsetType = UNSET
     weld_position_m: Metres | UnsetType = UNSET
     chainage_m: Metres | UnsetType = UNSET
@@ -210,10 +340,26 @@ class ForceMap(Message, kw_only=True):
         if not increasing(self.speeds_kmh) or not increasing(self.positions_m):
             return "speeds_kmh and positions_m must increase"
         cells = len(self.speeds_kmh) * len(self.positions_m)
-        for name in ("peak_force_n", "peak_x_m", "min_force_n", "contact_loss_s"):
-            if len(getattr(self, name)) != cells:
-                return f"{name} has {len(getattr(self, name))} values, the axes make {cells}"
-        return None
+        names = ("peak_force_n", "peak_x_m", "min_force_n", "contact_loss_s", "p2_force_n", "force_20hz_n")
+        return _wrong_length(self, names, cells) or self._curve_problem() or self._spread_problem()
+
+    def _curve_problem(self) -> str | None:
+        if not isinstance(self.curve, SpeedCurve):
+            return None
+        if not increasing(self.curve.speeds_kmh):
+            return "curve: speeds_kmh must increase"
+        columns = [name for name in self.curve.__struct_fields__ if name != "speeds_kmh"]
+        return _wrong_length(self.curve, columns, len(self.curve.speeds_kmh), "curve: ")
+
+    def _spread_problem(self) -> str | None:
+        if not isinstance(self.spread, Spread):
+            return None
+        samples = ("gradient_rad", "straightedge_m", "support_factor", "hertz_factor", "wheel_radius_m")
+        cells = [name for name in self.spread.__struct_fields__ if name not in (*samples, "positions_m")]
+        count = len(self.spread.support_factor)
+        return _wrong_length(self.spread, samples, count, "spread: ") or _wrong_length(
+            self.spread, cells, count * len(self.spread.positions_m), "spread: "
+        )
 
 
 class ForceHistory(Message, kw_only=True):
@@ -238,7 +384,14 @@ class ForceHistory(Message, kw_only=True):
 
 
 class Criterion(msgspec.Struct, kw_only=True, frozen=True):
-    """One line of a verdict: the value found, the limit it was held against, and where the limit comes from."""
+    """One line of a verdict: the value found, the limit it was held against, and where the limit comes from.
+
+    Attributes:
+        speed_kmh, position_m: of the passage that the value is from; absent for what the geometry says by itself.
+        exceeding: share of samples of the unknown that exceed the limit.
+        driver: which of the unknown quantities the value varies with most.
+        driver_share: of the value's variance.
+    """
 
     name: Name
     value: float
@@ -247,10 +400,69 @@ class Criterion(msgspec.Struct, kw_only=True, frozen=True):
     passed: bool
     source: Text
     verified: bool = False
+    reject_limit: float | UnsetType = UNSET
+    margin: Annotated[float, Meta(description="limit less value, negative beyond it")] | UnsetType = UNSET
+    applies: Annotated[str, Meta(max_length=MAX_TEXT, description="why a weld is held against it")] | UnsetType = UNSET
+    speed_kmh: SpeedKmh | UnsetType = UNSET
+    position_m: Metres | UnsetType = UNSET
+    x_m: Metres | UnsetType = UNSET
+    exceeding: Annotated[float, Meta(ge=0.0, le=1.0)] | UnsetType = UNSET
+    exceeding_reject: Annotated[float, Meta(ge=0.0, le=1.0)] | UnsetType = UNSET
+    driver: Annotated[str, Meta(max_length=200)] | UnsetType = UNSET
+    driver_share: Annotated[float, Meta(ge=0.0, le=1.0)] | UnsetType = UNSET
+
+
+class PositionOutcome(msgspec.Struct, kw_only=True, frozen=True):
+    """What would be decided if the weld lay there."""
+
+    position_m: Metres
+    decision: Decision
+
+
+class SpeedBand(msgspec.Struct, kw_only=True, frozen=True):
+    """Speeds from one to another, both included."""
+
+    from_kmh: SpeedKmh
+    to_kmh: SpeedKmh
+
+
+class HollowBand(msgspec.Struct, kw_only=True, frozen=True):
+    """Speeds at which the peak is below what a lower speed reached."""
+
+    from_kmh: SpeedKmh
+    lowest_kmh: SpeedKmh
+    to_kmh: SpeedKmh
+    depth_n: Annotated[float, Meta(description="N, greatest fall", ge=0.0)]
+
+
+class Restriction(msgspec.Struct, kw_only=True, frozen=True):
+    """What running at most at a speed would do to the peak force.
+
+    Attributes:
+        peak_force_n: at that speed.
+        change: of it relative to the peak at the highest speed judged: 0.12 is 12 % more.
+        within_limits: whether all speeds up to it are.
+    """
+
+    speed_kmh: SpeedKmh
+    peak_force_n: ForceN
+    change: float
+    within_limits: bool
 
 
 class Verdict(Message, kw_only=True):
-    """What to do with a weld, and why."""
+    """What to do with a weld, and why.
+
+    Attributes:
+        unjudged: limits that could not be applied, as what they are about was not computed.
+        by_position: what would be decided at each position, where the weld's own is unknown.
+        permitted_speed_kmh: the highest speed up to which all speeds are within limits; absent if not even the lowest
+            is, or nothing was said about speed.
+        avoid: speeds beyond limits.
+        restrictions: falling, from the highest speed judged.
+        advice: in words, the most useful first.
+        advice_step_kmh: how finely speeds were looked at.
+    """
 
     weld_id: Name
     profile_sha256: Sha256
@@ -269,6 +481,63 @@ class Verdict(Message, kw_only=True):
     judged_speed_kmh: Annotated[float, Meta(description="km/h, the highest speed that was judged", gt=0.0)]
     chainage_m: Metres | UnsetType = UNSET
     rail: Name | UnsetType = UNSET
+    unjudged: Annotated[list[Name], Meta(max_length=100)] = []
+    by_position: Annotated[list[PositionOutcome], Meta(max_length=MAX_POSITIONS)] = []
+    geometry_kind: GeometryKind | UnsetType = UNSET
+    curve_class: CurveClass | UnsetType = UNSET
+    maxima_kmh: Annotated[list[SpeedKmh], Meta(max_length=MAX_SPEEDS)] = []
+    hollows: Annotated[list[HollowBand], Meta(max_length=MAX_SPEEDS)] = []
+    permitted_speed_kmh: SpeedKmh | UnsetType = UNSET
+    avoid: Annotated[list[SpeedBand], Meta(max_length=MAX_SPEEDS)] = []
+    restrictions: Annotated[list[Restriction], Meta(max_length=MAX_SPEEDS)] = []
+    advice: Annotated[list[Text], Meta(max_length=100)] = []
+    advice_step_kmh: Annotated[float, Meta(description="km/h", gt=0.0)] | UnsetType = UNSET
+    samples: Annotated[int, Meta(description="of the unknown, that probabilities are from", ge=0)] = 0
+
+
+class GrindingAdvice(Message, kw_only=True):
+    """The least removal of metal that brings a weld within its limits; `x_m` is 0 at the weld's centre.
+
+    Attributes:
+        reached: whether a removal was found that does.
+        z_m: heights before, positive up; `z_m - removal_m` is the ground profile, as it was simulated.
+        band_limit_m: shortest wavelength that is ground.
+        stone_radius_m: hollows are no sharper than that.
+        removed_m2: area between both profiles.
+        reference_checked: passages rolled again by the `reference` engine, and how many of them are within limits.
+    """
+
+    weld_id: Name
+    profile_sha256: Sha256
+    config_sha256: Sha256
+    limits_sha256: Sha256
+    software: Name
+    reached: bool
+    reason: Text
+    x_m: Cells
+    z_m: Cells
+    removal_m: Cells
+    most_removed_m: Annotated[float, Meta(description="m", ge=0.0)]
+    removed_m2: Annotated[float, Meta(description="m^2", ge=0.0)]
+    band_limit_m: Annotated[float, Meta(description="m", gt=0.0)]
+    stone_radius_m: Annotated[float, Meta(description="m", gt=0.0)]
+    decision_before: Decision
+    decision_after: Decision
+    before: Annotated[list[Criterion], Meta(max_length=100)]
+    after: Annotated[list[Criterion], Meta(max_length=100)]
+    speeds_kmh: SpeedAxis
+    peak_before_n: Cells
+    peak_after_n: Cells
+    reference_checked: Annotated[int, Meta(ge=0)] = 0
+    reference_within: Annotated[int, Meta(ge=0)] = 0
+    reference_peak_n: ForceN | UnsetType = UNSET
+    elapsed_s: Seconds
+
+    def problem(self) -> str | None:
+        """Columns of different length; else None."""
+        return _wrong_length(self, ("z_m", "removal_m"), len(self.x_m)) or _wrong_length(
+            self, ("peak_before_n", "peak_after_n"), len(self.speeds_kmh)
+        )
 
 
 class Rejection(Message, kw_only=True):
@@ -354,6 +623,9 @@ TOPICS: dict[type[Message], Topic] = {
     )
 }
 
+SCHEMAS: tuple[type[Message], ...] = (*TOPICS, GrindingAdvice)
+"""All that has a schema: what is published, and what is only written to files."""
+
 M = TypeVar("M", bound=Message)
 
 
@@ -406,6 +678,14 @@ def legible(reason: str) -> str:
     """A parser's message as a clause of one short line: it may hold any part of the input."""
     line = " ".join("".join(c if c.isprintable() else " " for c in reason).split())
     return line if len(line) <= _LONGEST_REASON else line[:_LONGEST_REASON] + "…"
+
+
+def _wrong_length(of: msgspec.Struct, names: Sequence[str], count: int, where: str = "") -> str | None:
+    for name in names:
+        column = getattr(of, name)
+        if column is not UNSET and len(column) != count:
+            return f"{where}{name} has {len(column)} values, the axes make {count}"
+    return None
 
 
 def _not_finite(message: msgspec.Struct) -> str | None:
@@ -484,9 +764,12 @@ def config_sha256(settings: SimulationSettings) -> str:
     return _sha256(_content(settings, "config_sha256"))
 
 
-def limits_sha256(limits: Sequence[Limit]) -> str:
-    """Identity of a set of limits."""
-    return _sha256([msgspec.to_builtins(limit) for limit in limits])
+def limits_sha256(settings: AssessmentSettings) -> str:
+    """Identity of what verdicts are made with; of limits without rules and norm as it always was."""
+    limits = [msgspec.to_builtins(limit) for limit in settings.limits]
+    if settings.rules is UNSET and not settings.gradient_norm:
+        return _sha256(limits)
+    return _sha256(_content(settings, "limits_sha256"))
 
 
 def _content(message: Message, *without: str) -> dict[str, Any]:

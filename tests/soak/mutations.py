@@ -18,7 +18,7 @@ import msgspec
 import zstandard
 from mcap.writer import MCAP0_MAGIC
 
-from weld_force_ros.contract import Limit, SimulationSettings, config_sha256, limits_sha256
+from weld_force_ros.contract import AssessmentSettings, SimulationSettings, config_sha256, limits_sha256
 
 Mutation = Callable[[Random, bytes, bytes], bytes]
 
@@ -272,7 +272,7 @@ def _seal(tree: dict[str, Any]) -> None:
             samples = [list(map(float, tree["x_m"])), list(map(float, tree["z_m"]))]
             tree["profile_sha256"] = hashlib.sha256(msgspec.json.encode(samples)).hexdigest()
         elif "limits" in tree:
-            tree["limits_sha256"] = limits_sha256(msgspec.convert(tree["limits"], list[Limit]))
+            tree["limits_sha256"] = limits_sha256(msgspec.convert(tree, AssessmentSettings))
         elif "track_definition" in tree:
             tree["config_sha256"] = config_sha256(msgspec.convert(tree, SimulationSettings))
     except (KeyError, TypeError, ValueError, OverflowError, msgspec.ValidationError):
