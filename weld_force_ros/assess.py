@@ -5,10 +5,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
-from typing import cast, get_args
+from typing import Any, cast, get_args
 
 import msgspec
 import numpy as np
+from msgspec import UNSET, UnsetType
+from msgspec.structs import replace as changed
+from numpy.typing import NDArray
 
 from weld_force_ros import __version__, fits, tracks
 from weld_force_ros.contract import (
@@ -17,7 +20,13 @@ from weld_force_ros.contract import (
     ForceHistory,
     ForceMap,
     Limit,
+    NormPoint,
+    ProfileMeasures,
+    Rules,
     SimulationSettings,
+    SpeedCurve,
+    Spread,
+    Uncertainty,
     Verdict,
     WeldProfile,
     config_sha256,
@@ -25,15 +34,20 @@ from weld_force_ros.contract import (
     legible,
     limits_sha256,
 )
+from weld_force_ros.core.advice import Advice, advise
 from weld_force_ros.core.causality import acausal
+from weld_force_ros.core.criteria import CRITERIA, Passages, passages
+from weld_force_ros.core.geometry import classify, largest_gradient, straightedge_gap
 from weld_force_ros.core.passage import Rig
 from weld_force_ros.core.poles import BAND_HZ
 from weld_force_ros.core.reference import GreenRig
+from weld_force_ros.core.surface import Surface
 from weld_force_ros.core.track import Real
-from weld_force_ros.core.verdict import MEASURES, find
+from weld_force_ros.core.verdict import WORST_POSITION, counted_positions, find, judged_part
 from weld_force_ros.core.weld import Trajectory, wheel_trajectory
 from weld_force_ros.core.wheel import Wheel
 from weld_force_ros.errors import InputError, MessageError
+from weld_force_ros.spread import Sampler
 
 SOFTWARE = f"weld_force_ros {__version__}"
 DEFAULT_SPEEDS = "20:300:5"
@@ -111,6 +125,7 @@ def simulation_settings(
     static_load_n: float | None = None,
     wheel_radius_m: float | None = None,
     hertz_n_per_m15: float | None = None,
+    uncertainty: Uncertainty | None = None,
 ) -> SimulationSettings:
     """Settings of a simulation, complete and checked; what is not given for the wheel is the track file's.
 
@@ -123,6 +138,7 @@ def simulation_settings(
         static_load_n: static wheel load.
         wheel_radius_m: rolling radius.
         hertz_n_per_m15: Hertz constant.
+        uncertainty: what is drawn for verdicts with probabilities; none if not given.
 
     Raises:
         InputError: anything that cannot be simulated.
@@ -155,6 +171,7 @@ def simulation_settings(
         static_load_n=wheel.static_load_n,
         wheel_radius_m=wheel.radius_m,
         hertz_n_per_m15=wheel.hertz_n_per_m15,
+        uncertainty=uncertainty or UNSET,
     )
     settings.config_sha256 = config_sha256(settings)
     try:
@@ -189,6 +206,9 @@ class Simulator:
             fit = fits.fitted(definition, settings.engine, on_fit=on_fit)
             self.rig = Rig(fit.model(), wheel)
             self._model_error = fit.error
+        self._sampler: Sampler | None = None
+        if isinstance(settings.uncertainty, Uncertainty):
+            self._sampler = Sampler(definition, wheel, settings.uncertainty, on_fit=on_fit)
 
     def trajectory(self, profile: WeldProfile) -> Trajectory:
         """The wheel centre's trajectory over a profile."""
@@ -201,11 +221,12 @@ class Simulator:
             NumericalError: a passage did not stay finite.
         """
         began = time.perf_counter()
-        settings = self.settings
+        settings, trajectory = self.settings, self.trajectory(profile)
         surface = self.rig.surface(
-            self.trajectory(profile), settings.speeds_kmh, settings.positions_m, on_speed=on_speed
+            trajectory, settings.speeds_kmh, settings.positions_m, low_passed=True, on_speed=on_speed
         )
-        return ForceMap(
+        below_120hz, below_20hz = _low_passed(surface)
+        force_map = ForceMap(
             weld_id=profile.weld_id,
             profile_sha256=profile.profile_sha256,
             config_sha256=settings.config_sha256,
@@ -217,15 +238,59 @@ class Simulator:
             peak_x_m=_rounded(surface.peak_x_m, _PLACE_DECIMALS),
             min_force_n=_rounded(surface.min_force_n, _FORCE_DECIMALS),
             contact_loss_s=_rounded(surface.contact_loss_s, _TIME_DECIMALS),
+            p2_force_n=_rounded(below_120hz, _FORCE_DECIMALS),
+            force_20hz_n=_rounded(below_20hz, _FORCE_DECIMALS),
             static_load_n=settings.static_load_n,
             span_m=self._span_m,
             model_error=round(self._model_error, 6),
-            elapsed_s=time.perf_counter() - began,
+            measures=measured(profile),
+            elapsed_s=0.0,
             line_speed_kmh=profile.line_speed_kmh,
             weld_position_m=profile.weld_position_m,
             chainage_m=profile.chainage_m,
             rail=profile.rail,
         )
+        return changed(
+            force_map,
+            curve=self._curve(trajectory, surface, profile.weld_position_m),
+            spread=self._spread(profile, force_map),
+            elapsed_s=time.perf_counter() - began,
+        )
+
+    def _curve(
+        self, trajectory: Trajectory, mapped: Surface, weld_position_m: float | UnsetType
+    ) -> SpeedCurve | UnsetType:
+        """The worst over the positions that count at every whole km/h and every speed of the map.
+
+        Slower engines leave it out: advice on speed is then as fine as the map.
+        """
+        if self.settings.engine != "common-poles":
+            return UNSET
+        speeds, positions = np.array(self.settings.speeds_kmh), np.array(self.settings.positions_m)
+        counted = counted_positions(positions, weld_position_m, self._span_m)
+        between = np.setdiff1d(np.arange(np.ceil(speeds[0]), speeds[-1]), speeds)
+        worst = [_worst_positions(mapped, counted, positions)]
+        if len(between):
+            rolled = self.rig.surface(trajectory, between, positions[counted], low_passed=True)
+            worst.append(_worst_positions(rolled, np.arange(len(counted)), positions[counted]))
+        all_speeds = np.concatenate([speeds, between])
+        order = np.argsort(all_speeds)
+        peak, least, loss, at, below_120hz, below_20hz = np.concatenate(worst, axis=1)[:, order]
+        return SpeedCurve(
+            speeds_kmh=all_speeds[order].tolist(),
+            peak_force_n=_rounded(peak, _FORCE_DECIMALS),
+            min_force_n=_rounded(least, _FORCE_DECIMALS),
+            contact_loss_s=_rounded(loss, _TIME_DECIMALS),
+            at_m=_rounded(at, _PLACE_DECIMALS),
+            p2_force_n=_rounded(below_120hz, _FORCE_DECIMALS),
+            force_20hz_n=_rounded(below_20hz, _FORCE_DECIMALS),
+        )
+
+    def _spread(self, profile: WeldProfile, force_map: ForceMap) -> Spread | UnsetType:
+        if self._sampler is None:
+            return UNSET
+        judged = judged_part(force_map)
+        return self._sampler.spread(np.array(profile.x_m), np.array(profile.z_m), judged.speeds_kmh, judged.positions_m)
 
     def force_history(
         self, profile: WeldProfile, speed_kmh: float, position_m: float, *, until_m: float = 0.0
@@ -254,13 +319,54 @@ class Simulator:
         )
 
 
+def measured(profile: WeldProfile) -> ProfileMeasures:
+    """What a profile's geometry says by itself."""
+    geometry = classify(profile.x_m, profile.z_m)
+    return ProfileMeasures(
+        kind=geometry.kind,
+        dip_m=geometry.dip_m,
+        protrusion_m=geometry.protrusion_m,
+        gradient_rad=largest_gradient(profile.x_m, profile.z_m),
+        straightedge_m=straightedge_gap(profile.x_m, profile.z_m),
+        spacing_m=float(np.diff(profile.x_m).max()),
+    )
+
+
+def _low_passed(surface: Surface) -> Real:
+    if surface.low_passed_n is None:
+        raise ValueError("low-passed forces were not asked for")
+    return surface.low_passed_n
+
+
+def _worst_positions(surface: Surface, counted: NDArray[np.intp], positions_m: Real) -> Real:
+    """The worst over the positions that count, (6, n_speed): the columns of a curve in their order."""
+    peak = surface.peak_force_n[:, counted]
+    return np.stack(
+        [
+            peak.max(axis=1),
+            surface.min_force_n[:, counted].min(axis=1),
+            surface.contact_loss_s[:, counted].max(axis=1),
+            positions_m[counted][peak.argmax(axis=1)],
+            *_low_passed(surface)[:, :, counted].max(axis=2),
+        ]
+    )
+
+
 def _rounded(values: Real, decimals: int) -> list[float]:
     rounded: list[float] = np.round(values, decimals).ravel().tolist()
     return rounded
 
 
+class _LimitsFile(msgspec.Struct, forbid_unknown_fields=True):
+    limits: list[dict[str, Any]]
+    rules: Rules | UnsetType = UNSET
+    gradient_norm: list[NormPoint] = []
+
+
 def load_limits(path: Path | None = None) -> AssessmentSettings:
-    """Limits from a YAML file of the form of `data/limits/default.yaml`, which is the default.
+    """Limits and rules from a YAML file of the form of `data/limits/default.yaml`, which is the default.
+
+    A bare list of limits will do: the worst position then counts, and any sampling is good enough.
 
     Raises:
         InputError: not readable, not of that form, or a limit for a criterion that does not exist.
@@ -269,21 +375,72 @@ def load_limits(path: Path | None = None) -> AssessmentSettings:
     remedy = "write it after data/limits/default.yaml"
     file = path or resources.files("weld_force_ros.data") / "limits" / "default.yaml"
     try:
-        limits = tracks.decode_yaml(tracks.read_yaml(file), list[Limit])
+        content = tracks.decode_yaml(tracks.read_yaml(file), object)
+        stated = msgspec.convert(content if isinstance(content, dict) else {"limits": content}, _LimitsFile)
+        limits = [_limit(row) for row in stated.limits]
     except (OSError, msgspec.DecodeError, ValueError) as error:
         raise InputError(f"limits {source}: {legible(str(error))}", remedy) from None
     for limit in limits:
-        if limit.name not in MEASURES:
-            raise InputError(f"limits {source}: {limit.name!r} names no criterion", f"use {', '.join(MEASURES)}")
-    settings = AssessmentSettings(limits_sha256="0" * 64, limits=limits)
+        if limit.name not in CRITERIA:
+            raise InputError(f"limits {source}: {limit.name!r} names no criterion", f"use {', '.join(CRITERIA)}")
+    settings = AssessmentSettings(
+        limits_sha256="0" * 64, limits=limits, rules=stated.rules, gradient_norm=stated.gradient_norm
+    )
     settings.limits_sha256 = limits_sha256(settings)
-    encode(settings)
+    try:
+        encode(settings)
+    except MessageError as error:
+        raise InputError(f"limits {source}: {error.reason}", remedy) from None
     return settings
 
 
+def _limit(row: dict[str, Any]) -> Limit:
+    """A limit as a file states it; messages may hold fields of later versions, files no misspelt ones."""
+    unknown = row.keys() - set(Limit.__struct_fields__)
+    if unknown:
+        raise ValueError(f"limit {row.get('name', '')}: {', '.join(sorted(unknown))} is unknown")
+    return msgspec.convert(row, Limit)
+
+
+def load_uncertainty(samples: int, path: Path | None = None) -> Uncertainty | None:
+    """What is not known, from a YAML file of the form of `data/uncertainty/default.yaml`, which is the default.
+
+    Args:
+        samples: how many are rolled, instead of the file's; 0: none.
+        path: of the file.
+
+    Raises:
+        InputError: not readable or not of that form.
+    """
+    if samples == 0:
+        return None
+    source = str(path or "data/uncertainty/default.yaml")
+    file = path or resources.files("weld_force_ros.data") / "uncertainty" / "default.yaml"
+    try:
+        stated = tracks.decode_yaml(tracks.read_yaml(file), dict[str, Any])
+        unknown = stated.keys() - set(Uncertainty.__struct_fields__)
+        if unknown:
+            raise ValueError(f"{', '.join(sorted(unknown))} is unknown")
+        return msgspec.convert({**stated, "samples": samples}, Uncertainty)
+    except (OSError, msgspec.DecodeError, ValueError) as error:
+        raise InputError(
+            f"uncertainty {source}: {legible(str(error))}", "write it after data/uncertainty/default.yaml"
+        ) from None
+
+
 def judge(force_map: ForceMap, limits: AssessmentSettings) -> Verdict:
-    """The verdict on a force map."""
-    found = find(force_map, limits.limits)
+    """The verdict on a force map.
+
+    Raises:
+        InputError: no limit holds for a line of that speed.
+    """
+    rules = WORST_POSITION if isinstance(limits.rules, UnsetType) else limits.rules
+    found = find(force_map, limits.limits, rules, limits.gradient_norm)
+    if not found.criteria:
+        raise InputError(
+            f"no limit can be applied to a line of {found.judged_speed_kmh:g} km/h", "state limits for that speed"
+        )
+    advice = _advised(force_map, limits)
     return Verdict(
         weld_id=force_map.weld_id,
         profile_sha256=force_map.profile_sha256,
@@ -301,6 +458,41 @@ def judge(force_map: ForceMap, limits: AssessmentSettings) -> Verdict:
         judged_speed_kmh=found.judged_speed_kmh,
         chainage_m=force_map.chainage_m,
         rail=force_map.rail,
+        unjudged=list(found.unjudged),
+        by_position=list(found.by_position),
+        geometry_kind=UNSET if isinstance(force_map.measures, UnsetType) else force_map.measures.kind,
+        curve_class="hollow" if advice.hollows else "rises",
+        maxima_kmh=list(advice.maxima_kmh),
+        hollows=list(advice.hollows),
+        permitted_speed_kmh=UNSET if advice.permitted_kmh is None else advice.permitted_kmh,
+        avoid=list(advice.avoid),
+        restrictions=list(advice.restrictions),
+        advice=list(advice.words),
+        advice_step_kmh=advice.step_kmh,
+        samples=len(force_map.spread.support_factor) if isinstance(force_map.spread, Spread) else 0,
+    )
+
+
+def _advised(force_map: ForceMap, limits: AssessmentSettings) -> Advice:
+    """Advice on speed from the curve, or as fine as the map where it has none."""
+    if isinstance(force_map.curve, SpeedCurve):
+        speeds = np.array(force_map.curve.speeds_kmh)
+        line_kmh = force_map.line_speed_kmh if isinstance(force_map.line_speed_kmh, float) else float(speeds[-1])
+        count = max(1, int(np.sum(speeds <= line_kmh * (1 + 1e-9))))
+        rolled = passages(force_map.curve, force_map.static_load_n, (len(speeds),), slice(count))
+        return advise(speeds[:count], rolled, limits.limits)
+    judged = judged_part(force_map)
+    return advise(judged.speeds_kmh, _over_positions(judged.passages), limits.limits)
+
+
+def _over_positions(at: Passages) -> Passages:
+    return Passages(
+        at.static_n,
+        at.peak_n.max(axis=1),
+        at.min_n.min(axis=1),
+        at.contact_loss_s.max(axis=1),
+        None if at.p2_n is None else at.p2_n.max(axis=1),
+        None if at.below_20hz_n is None else at.below_20hz_n.max(axis=1),
     )
 
 

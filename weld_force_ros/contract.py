@@ -191,6 +191,10 @@ class Limit(msgspec.Struct, kw_only=True, frozen=True):
     source: Text
     verified: bool = False
     applies: Annotated[str, Meta(max_length=MAX_TEXT, description="why a weld is held against it")] | UnsetType = UNSET
+    decides: (
+        Annotated[bool, Meta(description="false: shown beside the others, but the decision does not hang on it")]
+        | UnsetType
+    ) = UNSET
     above_kmh: Annotated[float, Meta(description="km/h", ge=0.0)] | UnsetType = UNSET
     to_kmh: Annotated[float, Meta(description="km/h", ge=0.0)] | UnsetType = UNSET
 
@@ -403,6 +407,7 @@ class Criterion(msgspec.Struct, kw_only=True, frozen=True):
     reject_limit: float | UnsetType = UNSET
     margin: Annotated[float, Meta(description="limit less value, negative beyond it")] | UnsetType = UNSET
     applies: Annotated[str, Meta(max_length=MAX_TEXT, description="why a weld is held against it")] | UnsetType = UNSET
+    decides: Annotated[bool, Meta(description="false: shown, but the decision does not hang on it")] = True
     speed_kmh: SpeedKmh | UnsetType = UNSET
     position_m: Metres | UnsetType = UNSET
     x_m: Metres | UnsetType = UNSET

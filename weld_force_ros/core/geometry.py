@@ -1,4 +1,4 @@
-"""What a weld's geometry says by itself: dip or protrusion, and the gradient quality index.
+"""What a weld's geometry says by itself: dip or protrusion, gradient quality index, distance from a straightedge.
 
 The paper (section 4) sorts welds by their main characteristic: a dip; or no dip, or one that is secondary to "a
 protrusion having an amplitude much larger than that of the dip". A weld whose dip and protrusion are "similar in size"
@@ -18,6 +18,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from weld_force_ros.core import _kernel
 from weld_force_ros.core.track import Real
 from weld_force_ros.errors import InputError
 
@@ -25,6 +26,7 @@ MUCH_LARGER = 2.0
 
 _SAMPLING_M = 5e-3
 _AVERAGED = 5  # samples
+STRAIGHTEDGE_M = 1.0
 _OFFSETS = 10  # of the 5 mm grid: the largest gradient must not hang on where sampling began
 
 NORM_MRAD = ((40.0, 3.2), (300.0, 1.0))
@@ -103,11 +105,41 @@ def quality_index(
     Raises:
         InputError: not of that form.
     """
-    x, z = _checked(x_m, z_m)
-    gradient = max(_largest_gradient(x, z, offset) for offset in np.arange(_OFFSETS) / _OFFSETS * _SAMPLING_M)
+    gradient = largest_gradient(x_m, z_m)
     speeds, norms = zip(*norm_mrad, strict=True)
     norm = float(np.interp(line_speed_kmh, speeds, norms)) * 1e-3
     return QualityIndex(gradient / norm, gradient, norm)
+
+
+def largest_gradient(x_m: ArrayLike, z_m: ArrayLike) -> float:
+    """Largest gradient of heights averaged over 25 mm, rad: what `quality_index` holds against its norm.
+
+    Args:
+        x_m: (n,), increasing.
+        z_m: (n,), level beyond the ends.
+
+    Raises:
+        InputError: not of that form.
+    """
+    x, z = _checked(x_m, z_m)
+    return max(_largest_gradient(x, z, offset) for offset in np.arange(_OFFSETS) / _OFFSETS * _SAMPLING_M)
+
+
+def straightedge_gap(x_m: ArrayLike, z_m: ArrayLike) -> float:
+    """Largest distance between the rail and a straightedge of 1 m that lies on it, wherever it is laid, m.
+
+    Heights are read every 5 mm; the rail is level beyond the ends.
+
+    Args:
+        x_m: (n,), increasing.
+        z_m: (n,), positive up.
+
+    Raises:
+        InputError: not of that form.
+    """
+    x, z = _checked(x_m, z_m)
+    grid = np.arange(x[0] - STRAIGHTEDGE_M, x[-1] + STRAIGHTEDGE_M, _SAMPLING_M)
+    return float(_kernel.straightedge_gap(np.interp(grid, x, z), round(STRAIGHTEDGE_M / _SAMPLING_M)))
 
 
 def _checked(x_m: ArrayLike, z_m: ArrayLike) -> tuple[Real, Real]:

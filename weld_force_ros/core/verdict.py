@@ -1,23 +1,59 @@
-"""Criteria and limits -> decision: what a force map means for a weld."""
+"""Limits and rules -> decision: what a force map means for a weld.
 
-from dataclasses import dataclass
-from typing import Literal
+Every criterion within its limit: accept. One beyond its reject limit: reject. Else: grind. `undecided` where the input
+cannot support that: the place in the span is unknown and the decision depends on it, or nothing is exceeded but
+something that could be was not seen, because samples are too far apart or a criterion was not computed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
-from msgspec import UnsetType
+from msgspec import UNSET, UnsetType
+from msgspec.structs import replace
+from numpy.typing import NDArray
 
-from weld_force_ros.contract import Criterion, ForceMap, Limit
+from weld_force_ros.contract import (
+    Criterion,
+    Decision,
+    ForceMap,
+    Limit,
+    NormPoint,
+    PositionOutcome,
+    Rules,
+    Spread,
+)
+from weld_force_ros.core.criteria import (
+    AT_THE_PEAK,
+    FORCE_CRITERIA,
+    GEOMETRY_CRITERIA,
+    Passages,
+    applies,
+    check,
+    decides,
+    geometry_value,
+    gradient_norm_rad,
+    passages,
+)
 from weld_force_ros.core.track import Real
-from weld_force_ros.errors import InputError
+from weld_force_ros.core.uncertainty import influences
+
+WORST_POSITION = Rules(unknown_position="worst")
+"""The rules of recordings that state none."""
+
+_RESOLVED_BY_SAMPLES = 2  # a wave: the sampling theorem
+_SEVERITY: tuple[Decision, ...] = ("accept", "grind", "reject")
 
 
 @dataclass(frozen=True)
 class Finding:
     """What the criteria say of one weld."""
 
-    decision: Literal["accept", "grind", "reject"]
+    decision: Decision
     reason: str
     criteria: tuple[Criterion, ...]
+    unjudged: tuple[str, ...]
+    by_position: tuple[PositionOutcome, ...]
     peak_force_n: float
     worst_speed_kmh: float
     worst_position_m: float
@@ -26,59 +62,78 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class _Judged:
-    """The part of a force map that can happen: up to the line's speed, at the weld's position if that is known."""
+class Judged:
+    """The part of a force map that can happen: up to the line's speed, at the weld's position if that is known.
+
+    Attributes:
+        speeds_kmh: (n_speed,).
+        positions_m: (n_position,).
+        passages: of shape (n_speed, n_position).
+        peak_x_m: (n_speed, n_position).
+        line_kmh: the line's speed, or the highest that was computed.
+    """
 
     speeds_kmh: Real
     positions_m: Real
-    peak_force_n: Real
+    passages: Passages
     peak_x_m: Real
-    contact_loss_s: Real
+    line_kmh: float
 
 
-# Each criterion's value from the passages that can happen; all are read the same way: larger is worse.
-MEASURES = {
-    "peak_force": lambda judged, static_n: float(judged.peak_force_n.max()),
-    "dynamic_factor": lambda judged, static_n: float(judged.peak_force_n.max() / static_n),
-    "contact_loss": lambda judged, static_n: float(judged.contact_loss_s.max()),
-}
+@dataclass
+class _Weighed:
+    """Criteria in the order of their limits, with what each decides at every position."""
+
+    criteria: list[Criterion] = field(default_factory=list)
+    severities: list[NDArray[np.int64]] = field(default_factory=list)
+    unjudged: list[str] = field(default_factory=list)
 
 
-def find(force_map: ForceMap, limits: list[Limit]) -> Finding:
+def find(
+    force_map: ForceMap,
+    limits: Sequence[Limit],
+    rules: Rules = WORST_POSITION,
+    gradient_norm: Sequence[NormPoint] = (),
+) -> Finding:
     """Hold a force map against limits.
 
-    Accepted if every criterion is within its limit, rejected if one is beyond its reject limit, else to be ground.
+    Args:
+        force_map: of one weld.
+        limits: those that are for other line speeds are passed over.
+        rules: how they become a decision.
+        gradient_norm: of the quality index, see `weld_force_ros.core.criteria.geometry_value`.
 
     Raises:
         InputError: a limit for a criterion that does not exist.
     """
-    judged = _judged(force_map)
-    criteria = []
+    check(limits)
+    judged = judged_part(force_map)
+    weighed = _Weighed()
     for limit in limits:
-        if limit.name not in MEASURES:
-            raise InputError(f"limit {limit.name!r} names no criterion", f"use {', '.join(MEASURES)}")
-        value = MEASURES[limit.name](judged, force_map.static_load_n)
-        criteria.append(
-            Criterion(
-                name=limit.name,
-                value=value,
-                limit=limit.limit,
-                unit=limit.unit,
-                passed=value <= limit.limit,
-                source=limit.source,
-                verified=limit.verified,
-            )
-        )
-    failed = [c.name for c in criteria if not c.passed]
-    beyond = any(c.value > limit.reject_limit for c, limit in zip(criteria, limits, strict=True))
-    row, column = np.unravel_index(np.argmax(judged.peak_force_n), judged.peak_force_n.shape)
-    peak, speed = float(judged.peak_force_n[row, column]), float(judged.speeds_kmh[row])
+        if applies(limit, judged.line_kmh):
+            _weigh(weighed, limit, judged, force_map, gradient_norm)
+    row, column = np.unravel_index(np.argmax(judged.passages.peak_n), judged.passages.peak_n.shape)
+    peak, speed = float(judged.passages.peak_n[row, column]), float(judged.speeds_kmh[row])
     position = float(judged.positions_m[column])
+    by_position = np.max([np.zeros(len(judged.positions_m), dtype=np.int64), *weighed.severities], axis=0)
+    decision, doubt = _decide(by_position, judged, force_map, rules, speed, weighed.unjudged)
+    failed = [c.name for c in weighed.criteria if not c.passed and c.decides]
+    beside = [c.name for c in weighed.criteria if not c.passed and not c.decides]
     worst = f"peak {peak / 1e3:.0f} kN at {speed:g} km/h, weld {position * 100:.0f} cm after the sleeper"
+    found = f"over the limit: {', '.join(failed)}" if failed else "all within limits"
+    if beside:
+        found += f" (not counted: {', '.join(beside)})"
+    known = isinstance(force_map.weld_position_m, float)
+    outcomes = (
+        PositionOutcome(position_m=float(at), decision=_SEVERITY[severity])
+        for at, severity in zip(judged.positions_m, by_position, strict=True)
+    )
     return Finding(
-        decision="reject" if beyond else "grind" if failed else "accept",
-        reason=f"{worst}; over the limit: {', '.join(failed)}" if failed else f"{worst}; all within limits",
-        criteria=tuple(criteria),
+        decision=decision,
+        reason="; ".join([worst, found, *doubt]),
+        criteria=tuple(weighed.criteria),
+        unjudged=tuple(weighed.unjudged),
+        by_position=() if known else tuple(outcomes),
         peak_force_n=peak,
         worst_speed_kmh=speed,
         worst_position_m=position,
@@ -87,31 +142,158 @@ def find(force_map: ForceMap, limits: list[Limit]) -> Finding:
     )
 
 
-def _judged(force_map: ForceMap) -> _Judged:
+def judged_part(force_map: ForceMap) -> Judged:
+    """The part of a force map that can happen."""
     speeds, positions = np.array(force_map.speeds_kmh), np.array(force_map.positions_m)
-    rows = np.arange(len(speeds))
+    rows, line_kmh = np.arange(len(speeds)), float(speeds[-1])
     if not isinstance(force_map.line_speed_kmh, UnsetType):
+        line_kmh = force_map.line_speed_kmh
         # A grid that starts above the line's speed is judged at its lowest.
-        rows = rows[: max(1, int(np.sum(speeds <= force_map.line_speed_kmh * (1 + 1e-9))))]
-    columns = np.arange(len(positions))
-    if not isinstance(force_map.weld_position_m, UnsetType):
-        columns = _neighbours(positions, force_map.weld_position_m, force_map.span_m)
-
-    def part(values: list[float]) -> Real:
-        return np.array(values).reshape(len(speeds), len(positions))[np.ix_(rows, columns)]
-
-    return _Judged(
+        rows = rows[: max(1, int(np.sum(speeds <= line_kmh * (1 + 1e-9))))]
+    columns = counted_positions(positions, force_map.weld_position_m, force_map.span_m)
+    shape, part = (len(speeds), len(positions)), np.ix_(rows, columns)
+    return Judged(
         speeds[rows],
         positions[columns],
-        part(force_map.peak_force_n),
-        part(force_map.peak_x_m),
-        part(force_map.contact_loss_s),
+        passages(force_map, force_map.static_load_n, shape, part),
+        np.array(force_map.peak_x_m).reshape(shape)[part],
+        line_kmh,
     )
 
 
-def _neighbours(positions_m: Real, at_m: float, span_m: float) -> np.ndarray:
-    """The computed positions on either side of `at_m`, round the span; one if it was computed itself."""
+def counted_positions(positions_m: Real, at_m: float | UnsetType, span_m: float) -> NDArray[np.intp]:
+    """Which positions count: all, or the computed ones on either side of `at_m`, round the span.
+
+    One if it was computed itself.
+    """
+    if isinstance(at_m, UnsetType):
+        return np.arange(len(positions_m))
     ahead = np.mod(positions_m - at_m, span_m)
     behind = np.mod(at_m - positions_m, span_m)
     exact = np.flatnonzero(np.minimum(ahead, behind) < 1e-6)
     return exact[:1] if len(exact) else np.unique([np.argmin(ahead), np.argmin(behind)])
+
+
+def _weigh(
+    weighed: _Weighed, limit: Limit, judged: Judged, force_map: ForceMap, gradient_norm: Sequence[NormPoint]
+) -> None:
+    """Hold what can happen against one limit."""
+    if limit.name in GEOMETRY_CRITERIA:
+        value = geometry_value(limit.name, force_map.measures, judged.line_kmh, gradient_norm)
+        values = None if value is None else np.full((1, len(judged.positions_m)), value)
+    else:
+        values = FORCE_CRITERIA[limit.name](judged.passages)
+    if values is None:
+        if decides(limit):
+            weighed.unjudged.append(limit.name)
+        return
+    criterion = _criterion(limit, values, judged)
+    if isinstance(force_map.spread, Spread):
+        criterion = _with_probability(criterion, limit, force_map.spread, judged, gradient_norm)
+    weighed.criteria.append(criterion)
+    if not decides(limit):
+        return
+    at_positions = values.max(axis=0)
+    weighed.severities.append((at_positions > limit.limit) + (at_positions > limit.reject_limit).astype(np.int64))
+
+
+def _criterion(limit: Limit, values: Real, judged: Judged) -> Criterion:
+    row, column = np.unravel_index(np.argmax(values), values.shape)
+    value = float(values[row, column])
+    criterion = Criterion(
+        name=limit.name,
+        value=value,
+        limit=limit.limit,
+        unit=limit.unit,
+        passed=value <= limit.limit,
+        source=limit.source,
+        verified=limit.verified,
+        reject_limit=limit.reject_limit,
+        margin=limit.limit - value,
+        applies=limit.applies,
+        decides=decides(limit),
+    )
+    if limit.name in GEOMETRY_CRITERIA:
+        return criterion
+    return replace(
+        criterion,
+        speed_kmh=float(judged.speeds_kmh[row]),
+        position_m=float(judged.positions_m[column]),
+        x_m=float(judged.peak_x_m[row, column]) if limit.name in AT_THE_PEAK else UNSET,
+    )
+
+
+def _with_probability(
+    criterion: Criterion, limit: Limit, spread: Spread, judged: Judged, gradient_norm: Sequence[NormPoint]
+) -> Criterion:
+    """The criterion with the share of samples beyond its limits, and what the value varies with."""
+    values = _sampled(limit.name, spread, judged, gradient_norm)
+    if values is None:
+        return criterion
+    shares = influences(values, spread)
+    driver = max(shares, key=shares.__getitem__) if shares else None
+    return replace(
+        criterion,
+        exceeding=float(np.mean(values > limit.limit)),
+        exceeding_reject=float(np.mean(values > limit.reject_limit)),
+        driver=driver if driver is not None else UNSET,
+        driver_share=shares[driver] if driver is not None else UNSET,
+    )
+
+
+def _sampled(name: str, spread: Spread, judged: Judged, gradient_norm: Sequence[NormPoint]) -> Real | None:
+    """A criterion's value of every sample, (n_sample, n_position), or (n_sample, 1) of what the geometry says."""
+    if name == "straightedge":
+        return np.array(spread.straightedge_m)[:, None]
+    if name == "quality_index":
+        return np.array(spread.gradient_rad)[:, None] / gradient_norm_rad(judged.line_kmh, gradient_norm)
+    shape = (len(spread.support_factor), len(spread.positions_m))
+    return FORCE_CRITERIA[name](passages(spread, judged.passages.static_n, shape))
+
+
+def _decide(
+    by_position: NDArray[np.int64],
+    judged: Judged,
+    force_map: ForceMap,
+    rules: Rules,
+    worst_speed_kmh: float,
+    unjudged: Sequence[str],
+) -> tuple[Decision, list[str]]:
+    """The decision, and what stands in the way of one: what is missing and what to do about it."""
+    worst = _SEVERITY[by_position.max()]
+    unknown = isinstance(force_map.weld_position_m, UnsetType)
+    if unknown and rules.unknown_position == "undecided" and by_position.min() != by_position.max():
+        where = _by_stretches(judged.positions_m, by_position)
+        return "undecided", [f"{where}: measure the weld's distance from the sleeper before it"]
+    doubts = [*_unseen(force_map, rules, worst_speed_kmh), *(f"{name} was not computed" for name in unjudged)]
+    return ("undecided" if worst == "accept" and doubts else worst), doubts
+
+
+def _unseen(force_map: ForceMap, rules: Rules, worst_speed_kmh: float) -> list[str]:
+    """What samples too far apart do not show, in words; nothing if they are near enough, or their distance unknown."""
+    if isinstance(force_map.measures, UnsetType) or not rules.resolved_hz:
+        return []
+    shortest_m = _RESOLVED_BY_SAMPLES * force_map.measures.spacing_m
+    resolved_hz = worst_speed_kmh / 3.6 / shortest_m
+    if resolved_hz >= rules.resolved_hz:
+        return []
+    needed_mm = 1e3 * worst_speed_kmh / 3.6 / rules.resolved_hz / _RESOLVED_BY_SAMPLES
+    return [
+        f"samples {force_map.measures.spacing_m * 1e3:.3g} mm apart do not show waves below {shortest_m * 1e3:.3g} mm, "
+        f"which act above {resolved_hz:.0f} Hz at {worst_speed_kmh:g} km/h: measure every {needed_mm:.2g} mm or closer"
+    ]
+
+
+def _by_stretches(positions_m: Real, by_position: NDArray[np.int64]) -> str:
+    """`accept at 12 to 40 cm after the sleeper, grind at 0 to 8 and 44 to 56 cm`."""
+    parts = []
+    for severity in np.unique(by_position):
+        inside = np.concatenate([[False], by_position == severity, [False]])
+        edges = np.flatnonzero(np.diff(inside)).reshape(-1, 2)
+        stretches = [_stretch(positions_m[first], positions_m[last - 1]) for first, last in edges]
+        parts.append(f"{_SEVERITY[severity]} at {' and '.join(stretches)} cm")
+    return f"{', '.join(parts)} after the sleeper"
+
+
+def _stretch(first_m: float, last_m: float) -> str:
+    return f"{first_m * 100:.0f}" if first_m == last_m else f"{first_m * 100:.0f} to {last_m * 100:.0f}"
