@@ -142,6 +142,14 @@ def _vertex(before, top, after):
     return top - 0.25 * (before - after) * offset, offset
 
 
+@compiled(nogil=True, fastmath=_FAST, inline="always")
+def _top(levels, after):
+    """Moves `levels` on by a sample: the last two; the highest yet that another follows, and both its neighbours."""
+    if levels[1] > levels[3]:
+        levels[2], levels[3], levels[4] = levels[0], levels[1], after
+    levels[0], levels[1] = levels[1], after
+
+
 @compiled(nogil=True, fastmath=_FAST)
 def sampled(pieces, piece_m, first_m, firsts_m, step_m, rows):
     """Values of a cubic spline, zero outside, along rows that begin at `firsts_m` (n_row,): `rows` (n_row, n).
@@ -162,17 +170,23 @@ def sampled(pieces, piece_m, first_m, firsts_m, step_m, rows):
 @compiled(nogil=True, fastmath=_FAST)
 def peaks_at_speed(
     beginnings, decay, transitions, drives, shapes, gains, starts, ends, window, run_out, smooth, negligible,
-    irregularities, physics, dt, results,
+    irregularities, physics, dt, filter_decay, filter_shapes, filter_gains, filter_smooth, results,
 ):  # fmt: skip
     """Every passage of one speed; position i starts at grid point `starts[i]` in the periodic state over smooth rail.
 
     `beginnings` (n_position, n_state + 3): that state. A passage's weld is behind after `ends[i]` steps; it ends when a
     `window` of steps has seen the echo fade, at the latest after `run_out` steps more. `smooth` (n_grid,): the force on
     smooth rail; an echo below `negligible` (N) is not waited for. `irregularities` (n_position, n): from the start on,
-    zero beyond. `results` (n_position, 6): peak force, its place in steps from the start, least force, time without
-    contact, largest second difference of the force, steps rolled.
+    zero beyond. Filters as `weld_force_ros.core.lowpass.LowPass` has them: `filter_decay` and `filter_shapes`
+    (2, n_filter, n_pole), `filter_gains` (n_filter,), `filter_smooth` (n_filter, n_grid).
+
+    `results` (n_position, 6 + n_end): peak force, its place in steps from the start, least force, time without contact,
+    largest second difference of the force, steps rolled; with filters, n_end = n_filter + 2 n_filter n_pole + 3: the
+    greatest of each, their states at the end, and the wheel there (displacement, velocity, force).
     """
     grid, irregular = drives.shape[0], irregularities.shape[1]
+    filters, modes = filter_gains.shape[0], filter_decay.shape[2]
+    filtered, levels = np.empty(2 * filters * modes), np.empty((filters, 5))
     smooth_high, smooth_low = _range(smooth)
     for i in range(starts.shape[0]):
         j = starts[i] % grid
@@ -180,6 +194,10 @@ def peaks_at_speed(
         spare = np.empty_like(rail)
         force = before = top = top_before = top_after = least = wheel[2]
         place, apart, bend, echo = 0, 0, 0.0, 0.0
+        filtered[:] = 0.0
+        for q in range(filters):
+            levels[q, :] = filter_smooth[q, j]
+        away = force - smooth[j]
         look = ends[i] + window
         n = 0
         while True:
@@ -193,7 +211,18 @@ def peaks_at_speed(
             least = min(least, after)
             if after == 0.0:
                 apart += 1
-            echo = max(echo, abs(after - smooth[j]))
+            away_after = after - smooth[j]
+            for q in range(filters):
+                level = filter_smooth[q, j] + filter_gains[q] * away_after
+                for m in range(modes):
+                    p = 2 * (modes * q + m)
+                    re, im = filtered[p], filtered[p + 1]
+                    filtered[p] = filter_decay[0, q, m] * re - filter_decay[1, q, m] * im + away
+                    filtered[p + 1] = filter_decay[0, q, m] * im + filter_decay[1, q, m] * re
+                    level += filter_shapes[0, q, m] * filtered[p] - filter_shapes[1, q, m] * filtered[p + 1]
+                _top(levels[q], level)
+            away = away_after
+            echo = max(echo, abs(away))
             bend = max(bend, abs(before - 2.0 * force + after))
             before, force = force, after
             if n % _LOOK == 0 and n >= look:
@@ -206,12 +235,62 @@ def peaks_at_speed(
         results[i, 3], results[i, 4], results[i, 5] = apart * dt, bend, n
         if not np.isfinite(wheel[0]):
             results[i, 0] = np.nan
+        if filters > 0:
+            for q in range(filters):
+                results[i, 6 + q] = _vertex(levels[q, 2], levels[q, 3], levels[q, 4])[0]
+            _copy(filtered, results[i, 6 + filters : -3])
+            _copy(wheel, results[i, -3:])
+
+
+@compiled(nogil=True, fastmath=_FAST)
+def _follow_in_lanes(departures, filtered, levels, company, j, k, decays, shapes, gains, smooth, filters, modes, grid):
+    """Filters over the last `_LOOK` steps of a company of lanes that stand at grid points j and k.
+
+    A block at a time, as so long the numbers of a pole stay in registers. Flat arrays of lanes: `departures` from the
+    smooth rail's force, with the one before the block; `filtered` and `levels`, states and the five of `_top`, of each
+    filter, are moved on. The other arrays are as in `peaks_in_lanes`.
+    """
+    zero, block = splat(0.0), np.empty(_LOOK * LANES)
+    first, first_other = (j - _LOOK + 1) % grid, (k - _LOOK + 1) % grid
+    for q in range(filters):
+        row = company * filters + q
+        gain, at, at_other = load(gains, row), first, first_other
+        for n in range(_LOOK):
+            settled = load_two(smooth, row * grid + at, row * grid + at_other)
+            store(block, n, multiply_add(gain, load(departures, n + 1), settled))
+            at = at + 1 if at + 1 < grid else 0
+            at_other = at_other + 1 if at_other + 1 < grid else 0
+        for p in range(modes * q, modes * q + modes):
+            real, imag = 2 * filters * modes * company + p, filters * modes * (2 * company + 1) + p
+            decay_re, decay_im, shape_re = load(decays, real), load(decays, imag), load(shapes, real)
+            back_im, back_shape_im = zero - decay_im, zero - load(shapes, imag)
+            re, im = load(filtered, 2 * p), load(filtered, 2 * p + 1)
+            for n in range(_LOOK):
+                new_re = multiply_add(decay_re, re, multiply_add(back_im, im, load(departures, n)))
+                im = multiply_add(decay_re, im, decay_im * re)
+                re = new_re
+                store(block, n, multiply_add(shape_re, re, multiply_add(back_shape_im, im, load(block, n))))
+            store(filtered, 2 * p, re)
+            store(filtered, 2 * p + 1, im)
+        before, level, top_before = load(levels, 5 * q), load(levels, 5 * q + 1), load(levels, 5 * q + 2)
+        top, top_after = load(levels, 5 * q + 3), load(levels, 5 * q + 4)
+        for n in range(_LOOK):
+            after = load(block, n)
+            top_before = where_greater(level, top, before, top_before)
+            top_after = where_greater(level, top, after, top_after)
+            top = where_greater(level, top, level, top)
+            before, level = level, after
+        store(levels, 5 * q, before)
+        store(levels, 5 * q + 1, level)
+        store(levels, 5 * q + 2, top_before)
+        store(levels, 5 * q + 3, top)
+        store(levels, 5 * q + 4, top_after)
 
 
 @compiled(nogil=True, fastmath=_FAST)
 def peaks_in_lanes(
     items, beginnings, decay, turn, drives, gains, starts, ends, windows, run_outs, smooth, negligible, irregularities,
-    physics, dts, results,
+    physics, dts, filter_decay, filter_shapes, filter_gains, filter_smooth, results,
 ):  # fmt: skip
     """`peaks_at_speed` for sixteen speeds at two positions side by side, on the same grid: a lane each.
 
@@ -219,14 +298,22 @@ def peaks_in_lanes(
     (n_item, n_state + 3, LANES): its states at the starts. Of every company: `decay` and `turn`
     (n_company, 2, n_pole, LANES), E and what takes a drive to the shape; `gains` and `smooth`
     (n_company, n_grid, SPEEDS); `windows`, `run_outs` and `dts` (n_company, LANES). Of every pair: `starts` and `ends`
-    (n_pair, 2), `irregularities` (n_pair, 2, n). `drives` (n_grid, n_state) serve all; `results` (n_item, LANES, 6).
+    (n_pair, 2), `irregularities` (n_pair, 2, n). `drives` (n_grid, n_state) serve all. Filters of every company:
+    `filter_decay` and `filter_shapes` (n_company, 2, n_filter, n_pole, LANES), `filter_gains`
+    (n_company, n_filter, LANES), `filter_smooth` (n_company, n_filter, n_grid, SPEEDS).
+    `results` (n_item, LANES, 6 + n_end).
     """
     grid, states = drives.shape[0], drives.shape[1]
     pairs, irregular = states // 2, irregularities.shape[2]
     decays, turns, table, gain_rows = decay.ravel(), turn.ravel(), drives.ravel(), gains.ravel()
     surface, smooth_rows, all_dts = irregularities.ravel(), smooth.ravel(), dts.ravel()
+    filters, modes = filter_decay.shape[2], filter_decay.shape[3]
+    filter_decay_rows, filter_shape_rows = filter_decay.ravel(), filter_shapes.ravel()
+    filter_gain_rows, filter_rows = filter_gains.ravel(), filter_smooth.ravel()
+    filtered, levels = np.empty(2 * filters * modes * LANES), np.empty(5 * filters * LANES)
+    departures = np.empty((_LOOK + 1) * LANES)
     smooth_high, smooth_low = np.empty(SPEEDS), np.empty(SPEEDS)
-    rail, found = np.empty(states * LANES), np.empty(9 * LANES)
+    rail, found = np.empty(states * LANES), np.empty(11 * LANES)
     looks, rolling = np.empty(LANES, np.int64), np.empty(LANES, np.bool_)
     zero, one, two, three = splat(0.0), splat(1.0), splat(2.0), splat(3.0)
     one_single, two_single, three_single = single(one), single(two), single(three)
@@ -250,6 +337,13 @@ def peaks_in_lanes(
             rolling[lane] = True
         left = LANES
         j, k = starts[i, 0] % grid, starts[i, 1] % grid
+        for p in range(2 * filters * modes):
+            store(filtered, p, zero)
+        for q in range(filters):
+            row = (company * filters + q) * grid
+            for s in range(5):
+                store(levels, 5 * q + s, load_two(filter_rows, row + j, row + k))
+        store(departures, 0, force - load_two(smooth_rows, grid_row + j, grid_row + k))
         n = 0
         while left > 0:
             n += 1
@@ -300,12 +394,21 @@ def peaks_in_lanes(
             apart = apart + where_greater(gap, zero, zero, one)
             turned = magnitude(before - two * force + after)
             bend = where_greater(turned, bend, turned, bend)
-            heard = magnitude(after - load_two(smooth_rows, grid_row + j_ahead, grid_row + k_ahead))
+            away = after - load_two(smooth_rows, grid_row + j_ahead, grid_row + k_ahead)
+            heard = magnitude(away)
             echo = where_greater(heard, echo, heard, echo)
             before, force = force, after
             j, k = j_ahead, k_ahead
+            if filters > 0:
+                store(departures, (n - 1) % _LOOK + 1, away)
             if n % _LOOK > 0:
                 continue
+            if filters > 0:
+                _follow_in_lanes(
+                    departures, filtered, levels, company, j, k, filter_decay_rows, filter_shape_rows,
+                    filter_gain_rows, filter_rows, filters, modes, grid,
+                )  # fmt: skip
+                store(departures, 0, away)
             store(found, 0, top_before)
             store(found, 1, top)
             store(found, 2, top_after)
@@ -315,6 +418,8 @@ def peaks_in_lanes(
             store(found, 6, least)
             store(found, 7, echo)
             store(found, 8, wheel)
+            store(found, 9, velocity)
+            store(found, 10, force)
             renewed = False
             for lane in range(LANES):
                 if not rolling[lane] or n < looks[lane]:
@@ -333,6 +438,15 @@ def peaks_in_lanes(
                     results[item, lane, 4], results[item, lane, 5] = found[5 * LANES + lane], n
                     if not np.isfinite(found[8 * LANES + lane]):
                         results[item, lane, 0] = np.nan
+                    if filters > 0:
+                        for q in range(filters):
+                            top_at = (5 * q + 3) * LANES + lane
+                            highest = _vertex(levels[top_at - LANES], levels[top_at], levels[top_at + LANES])[0]
+                            results[item, lane, 6 + q] = highest
+                        for p in range(2 * filters * modes):
+                            results[item, lane, 6 + filters + p] = filtered[p * LANES + lane]
+                        for s in range(3):
+                            results[item, lane, s - 3] = found[(8 + s) * LANES + lane]
                 else:
                     looks[lane] = n + windows[company, lane]
                     found[7 * LANES + lane] = 0.0
@@ -514,3 +628,29 @@ def peak_by_runge_kutta(
         for i in range(size):
             y[i] += dt / 6.0 * (slopes[0, i] + 2.0 * slopes[1, i] + 2.0 * slopes[2, i] + slopes[3, i])
     return peak
+
+
+@compiled(nogil=True, fastmath=_FAST)
+def straightedge_gap(heights, reach):
+    """Largest distance of equidistant heights (n,) below a straightedge of `reach` steps that lies on them anywhere.
+
+    The straightedge rests on the highest points below it: on their upper hull.
+    """
+    hull = np.empty(reach + 1, np.int64)
+    largest = 0.0
+    for first in range(heights.shape[0] - reach):
+        count = 0
+        for i in range(first, first + reach + 1):
+            while count > 1:
+                a, b = hull[count - 2], hull[count - 1]
+                if (heights[b] - heights[a]) * (i - a) > (heights[i] - heights[a]) * (b - a):
+                    break
+                count -= 1
+            hull[count] = i
+            count += 1
+        for k in range(count - 1):
+            a, b = hull[k], hull[k + 1]
+            slope = (heights[b] - heights[a]) / (b - a)
+            for i in range(a + 1, b):
+                largest = max(largest, heights[a] + slope * (i - a) - heights[i])
+    return largest

@@ -7,8 +7,8 @@ dense transitions, and code that is not compiled, roll one passage after the oth
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, Protocol
+from functools import cache, partial
+from typing import Any, NamedTuple, Protocol
 
 import numba
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from weld_force_ros.core import _kernel
 from weld_force_ros.core._vector import LANES, SPEEDS
+from weld_force_ros.core.lowpass import ORDER, LowPass, greatest, low_pass
 from weld_force_ros.core.rolling import Roller, Rolling
 from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import RESAMPLED_STEP_M, Trajectory
@@ -23,6 +24,7 @@ from weld_force_ros.core.weld import RESAMPLED_STEP_M, Trajectory
 ECHO_S = 0.0125
 RUN_OUT_S = 0.3
 NEGLIGIBLE = 2e-4  # of the static load: an echo that is not waited for
+_UNFILTERED = 6  # results of a passage without filters
 # Lanes exist in compiled code only.
 SIDE_BY_SIDE = not numba.config.DISABLE_JIT
 
@@ -61,7 +63,9 @@ def approaches(roller: Roller, trajectory: Trajectory, positions_m: Real, stride
 class Batch(Protocol):
     """Speeds of one stride."""
 
-    def peaks(self, weld: Approaches, asked: Asked, pool: Executor, threads: int) -> Real:
+    def peaks(
+        self, weld: Approaches, asked: Asked, pool: Executor, threads: int, cutoffs_hz: tuple[float, ...] = ()
+    ) -> Real:
         """Passages that are asked for.
 
         Args:
@@ -69,11 +73,12 @@ class Batch(Protocol):
             asked: (n_speed, n_position).
             pool: where to compute.
             threads: in how many parts.
+            cutoffs_hz: (n_filter,), of the low-pass filters.
 
         Returns:
-            (n_speed, n_position, 6), valid where asked for: peak force, its place in steps from the start, least force,
-            time without contact, largest second difference of the force, steps rolled. The peak is NaN where a passage
-            did not stay finite.
+            (n_speed, n_position, 6 + n_filter), valid where asked for: peak force, its place in steps from the start,
+            least force, time without contact, largest second difference of the force, steps rolled; greatest
+            low-passed forces. The peak is NaN where a passage did not stay finite.
         """
 
 
@@ -108,6 +113,7 @@ class _SideBySide:
 
     def __init__(self, roller: Roller, speeds: list[_Paced]) -> None:
         self._roller, self._stride = roller, speeds[0].rolling.stride
+        self._filters = cache(lambda cutoffs_hz: _filters_and_lanes(roller, speeds, cutoffs_hz))
         self._drives = speeds[0].rolling.step.drives
         steps = [speed.rolling.step for speed in speeds]
         self._decay, self._turn = _lanes([step.decay for step in steps]), _lanes([step.turn for step in steps])
@@ -118,35 +124,40 @@ class _SideBySide:
         self._smooth = _companies([speed.rolling.smooth_n for speed in speeds])
         self._states = _companies([speed.rolling.states for speed in speeds])
 
-    def peaks(self, weld: Approaches, asked: Asked, pool: Executor, threads: int) -> Real:
+    def peaks(
+        self, weld: Approaches, asked: Asked, pool: Executor, threads: int, cutoffs_hz: tuple[float, ...] = ()
+    ) -> Real:
         """See `Batch`."""
+        filters, lanes = self._filters(cutoffs_hz)
+        roll = partial(self._roll, weld, lanes, _columns(filters))
         speeds, positions = asked.shape
         companies, pairs = len(self._states), -(-positions // 2)
         padded = np.pad(asked, ((0, companies * SPEEDS - speeds), (0, 2 * pairs - positions)))
         # A company rolls at a pair of positions if any of its passages is asked for.
         items = np.argwhere(padded.reshape(companies, SPEEDS, pairs, 2).any(axis=(1, 3)))
         shares = [items[part::threads] for part in range(min(threads, len(items)))]
-        found = np.empty((companies, pairs, 2, SPEEDS, 6))
-        for share, results in zip(shares, pool.map(partial(self._roll, weld), shares), strict=True):
+        found = np.zeros((companies, pairs, 2, SPEEDS, _columns(filters)))
+        for share, results in zip(shares, pool.map(roll, shares), strict=True):
             found[share[:, 0], share[:, 1]] = results
-        by_speed = found.transpose(0, 3, 1, 2, 4).reshape(companies * SPEEDS, 2 * pairs, 6)
-        return by_speed[:speeds, :positions]
+        by_speed = found.transpose(0, 3, 1, 2, 4).reshape(companies * SPEEDS, 2 * pairs, -1)[:speeds, :positions]
+        return _ended(filters, weld.starts // self._stride, by_speed)
 
-    def _roll(self, weld: Approaches, items: NDArray[np.intp]) -> Real:
-        """(n_item, 2, SPEEDS, 6)."""
+    def _roll(self, weld: Approaches, lanes: "_FilterLanes", columns: int, items: NDArray[np.intp]) -> Real:
+        """(n_item, 2, SPEEDS, n_column)."""
         places = np.arange(len(weld.starts) + len(weld.starts) % 2)
         pairs = np.minimum(places, len(weld.starts) - 1).reshape(-1, 2)
         starts = weld.starts[pairs]
         at = starts // self._roller.longest_stride % self._states.shape[1]
         # (n_item, 2, n_state + 3, SPEEDS), then a lane for each of the two positions and each speed
         states = self._states[items[:, :1], at[items[:, 1]]]
-        results = np.empty((len(items), LANES, 6))
+        results = np.empty((len(items), LANES, columns))
         _kernel.peaks_in_lanes(
             items, states.transpose(0, 2, 1, 3).reshape(len(items), -1, LANES), self._decay, self._turn, self._drives,
             self._gains, starts // self._stride, weld.ends[pairs], self._windows, self._run_outs, self._smooth,
-            _negligible_n(self._roller), weld.irregularity_m[pairs], self._roller.physics, self._dts, results,
+            _negligible_n(self._roller), weld.irregularity_m[pairs], self._roller.physics, self._dts,
+            *lanes, results,
         )  # fmt: skip
-        return results.reshape(-1, 2, SPEEDS, 6)
+        return results.reshape(len(items), 2, SPEEDS, -1)
 
 
 class _OneByOne:
@@ -154,32 +165,73 @@ class _OneByOne:
 
     def __init__(self, roller: Roller, speeds: list[_Paced]) -> None:
         self._roller, self._speeds = roller, speeds
+        self._filters = cache(lambda cutoffs_hz: _filters(roller, speeds, cutoffs_hz))
 
-    def peaks(self, weld: Approaches, asked: Asked, pool: Executor, threads: int) -> Real:
+    def peaks(
+        self, weld: Approaches, asked: Asked, pool: Executor, threads: int, cutoffs_hz: tuple[float, ...] = ()
+    ) -> Real:
         """See `Batch`."""
-        found = np.empty((*asked.shape, 6))
+        filters = self._filters(cutoffs_hz)
+        found = np.zeros((*asked.shape, _columns(filters)))
         rows = np.flatnonzero(asked.any(axis=1))
         columns = [np.flatnonzero(asked[row]) for row in rows]
-        rolled = pool.map(partial(self._roll, weld), rows, columns)
+        rolled = pool.map(partial(self._roll, weld, filters), rows, columns)
         for row, own, results in zip(rows, columns, rolled, strict=True):
             found[row, own] = results
-        return found
+        return _ended(filters, weld.starts // self._speeds[0].rolling.stride, found)
 
-    def _roll(self, weld: Approaches, row: int, columns: NDArray[np.intp]) -> Real:
+    def _roll(self, weld: Approaches, filters: LowPass, row: int, columns: NDArray[np.intp]) -> Real:
         speed, starts = self._speeds[row], weld.starts[columns]
         rolling, step = speed.rolling, speed.rolling.step
-        results = np.empty((len(columns), 6))
+        results = np.empty((len(columns), _columns(filters)))
         _kernel.peaks_at_speed(
             np.stack([self._roller.beginning(rolling, start) for start in starts]), step.decay, step.transitions,
             step.drives, step.shapes, step.gains, starts // rolling.stride, weld.ends[columns], speed.window,
             speed.run_out, rolling.smooth_n, _negligible_n(self._roller), weld.irregularity_m[columns],
-            self._roller.physics, rolling.dt_s, results,
+            self._roller.physics, rolling.dt_s, filters.decay[row], filters.shapes[row], filters.gains[row],
+            filters.smooth_n[row], results,
         )  # fmt: skip
         return results
 
 
 def _negligible_n(roller: Roller) -> float:
     return NEGLIGIBLE * roller.wheel.static_load_n
+
+
+class _FilterLanes(NamedTuple):
+    """Filters as `peaks_in_lanes` takes them."""
+
+    decay: Real
+    shapes: Real
+    gains: Real
+    smooth_n: Real
+
+
+def _columns(filters: LowPass) -> int:
+    """Of the kernel's results: those of `Batch.peaks`; with filters, their states and the wheel at the end as well."""
+    count = filters.gains.shape[1]
+    return _UNFILTERED + (count * (1 + ORDER) + 3 if count else 0)
+
+
+def _filters(roller: Roller, speeds: list[_Paced], cutoffs_hz: tuple[float, ...]) -> LowPass:
+    return low_pass([speed.rolling for speed in speeds], roller.wheel.mass_kg, cutoffs_hz)
+
+
+def _filters_and_lanes(
+    roller: Roller, speeds: list[_Paced], cutoffs_hz: tuple[float, ...]
+) -> tuple[LowPass, _FilterLanes]:
+    filters = _filters(roller, speeds, cutoffs_hz)
+    decay, shapes, gains = _lanes([*filters.decay]), _lanes([*filters.shapes]), _lanes([*filters.gains])
+    return filters, _FilterLanes(decay, shapes, gains, _companies([*filters.smooth_n]))
+
+
+def _ended(filters: LowPass, starts: Steps, found: Real) -> Real:
+    """Results as of `Batch.peaks` from those of the kernel, (n_speed, n_position, n_column)."""
+    shown = _UNFILTERED + filters.gains.shape[1]
+    if shown > _UNFILTERED:
+        ends = (starts + found[:, :, 5].astype(np.int64)) % filters.smooth_n.shape[2]
+        found[:, :, _UNFILTERED:shown] = greatest(filters, found[:, :, _UNFILTERED:shown], ends, found[:, :, shown:])
+    return found[:, :, :shown]
 
 
 def _companies(arrays: Sequence[ArrayLike]) -> NDArray[Any]:

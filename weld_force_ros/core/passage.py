@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -71,6 +71,7 @@ class Rig:
         speeds_kmh: ArrayLike,
         positions_m: ArrayLike,
         *,
+        low_passed: bool = False,
         on_speed: Callable[[], None] = lambda: None,
     ) -> Surface:
         """Peak force, its place, least force and contact loss of every passage.
@@ -79,6 +80,7 @@ class Rig:
             trajectory: the wheel centre's trajectory over the weld.
             speeds_kmh: (n_speed,), positive.
             positions_m: (n_position,), the weld's centre after the sleeper.
+            low_passed: also the greatest forces through the filters of `weld_force_ros.core.lowpass`.
             on_speed: called for each speed that is done.
 
         Raises:
@@ -86,10 +88,15 @@ class Rig:
             NumericalError: the passage did not stay finite.
         """
         speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
-        return self._surfaces.roll(trajectory, speeds, positions, self._threads, on_speed)
+        return self._surfaces.roll(trajectory, speeds, positions, self._threads, on_speed, low_passed=low_passed)
 
     def surfaces(
-        self, trajectories: Iterable[Trajectory], speeds_kmh: ArrayLike, positions_m: ArrayLike
+        self,
+        trajectories: Iterable[Trajectory],
+        speeds_kmh: ArrayLike,
+        positions_m: ArrayLike,
+        *,
+        low_passed: bool = False,
     ) -> Iterator[Surface]:
         """`surface` of many welds, in their order, a thread each: no more are held than there are threads, twice.
 
@@ -97,16 +104,18 @@ class Rig:
             trajectories: taken as they are needed.
             speeds_kmh: (n_speed,), positive.
             positions_m: (n_position,), the weld's centre after the sleeper.
+            low_passed: as of `surface`.
 
         Raises:
             InputError: a speed that is not positive, or anything that is not finite.
             NumericalError: a passage did not stay finite.
         """
         speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
+        roll = partial(self._surfaces.roll, low_passed=low_passed)
         with ThreadPoolExecutor(self._threads) as pool:
             waiting: deque[Future[Surface]] = deque()
             for trajectory in trajectories:
-                waiting.append(pool.submit(self._surfaces.roll, trajectory, speeds, positions, 1))
+                waiting.append(pool.submit(roll, trajectory, speeds, positions, 1))
                 if len(waiting) > 2 * self._threads:
                     yield waiting.popleft().result()
             for rolled in waiting:

@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 from scipy.signal import butter, find_peaks, sosfiltfilt
 
+from weld_force_ros.core.lowpass import BETWEEN_RESONANCES_HZ
 from weld_force_ros.core.track import Real
 from weld_force_ros.errors import InputError
 
 P1_WITHIN_S = 5e-3
 P2_WITHIN_S = 20e-3  # a period of the wheelset on the track, some 57 Hz
-BETWEEN_RESONANCES_HZ = 120.0  # of the wheelset on the track, some 57 and 250 Hz
 
 
 @dataclass(frozen=True)

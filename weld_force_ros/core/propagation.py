@@ -52,8 +52,8 @@ class StateModel(Protocol):
         """A step of `dt_s` from each point of `at_m` (n_grid,), which covers a span once, to the next."""
 
 
-def first_order_hold(poles: Complex, dt_s: float) -> tuple[Complex, Complex, Complex]:
-    """E, a and b of q' = p q + f for f linear within a step, each of the shape of `poles`.
+def first_order_hold(poles: Complex, dt_s: float | Real) -> tuple[Complex, Complex, Complex]:
+    """E, a and b of q' = p q + f for f linear within a step, each of the shape of `poles` (broadcast with `dt_s`).
 
     E = exp(z), a = dt (phi1 - phi2), b = dt phi2 with phi1 = (E - 1) / z, phi2 = (E - 1 - z) / z^2, z = p dt.
     """

@@ -34,7 +34,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from weld_force_ros.core import _kernel
+from weld_force_ros.core import _kernel, lowpass
 from weld_force_ros.core import track as tracks
 from weld_force_ros.core.passage import History, checked_axis, checked_speeds
 from weld_force_ros.core.surface import Surface
@@ -75,11 +75,15 @@ class _Responses:
 
 @dataclass(frozen=True)
 class _Rolled:
-    """A passage in time steps, from the start of its window; `columns` is force, wheel, rail, positive down."""
+    """A passage in time steps, from the start of its window; `columns` is force, wheel, rail, positive down.
+
+    `force_n` (n,) begins earlier, at rest.
+    """
 
     x_m: Real
     irregularity_m: Real
     columns: Real
+    force_n: Real
 
 
 class GreenRig:
@@ -96,10 +100,11 @@ class GreenRig:
         speeds_kmh: ArrayLike,
         positions_m: ArrayLike,
         *,
+        low_passed: bool = False,
         on_speed: Callable[[], None] = lambda: None,
     ) -> Surface:
         """As `Rig.surface`."""
-        return self.surfaces([trajectory], speeds_kmh, positions_m, on_speed=on_speed)[0]
+        return self.surfaces([trajectory], speeds_kmh, positions_m, low_passed=low_passed, on_speed=on_speed)[0]
 
     def surfaces(
         self,
@@ -107,11 +112,13 @@ class GreenRig:
         speeds_kmh: ArrayLike,
         positions_m: ArrayLike,
         *,
+        low_passed: bool = False,
         on_speed: Callable[[], None] = lambda: None,
     ) -> list[Surface]:
         """Surfaces of several welds, which share the responses of each speed; arguments and errors as `Rig.surface`."""
         speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
-        results = np.empty((len(trajectories), len(speeds), len(positions), 4))
+        filters = len(lowpass.CUTOFFS_HZ) if low_passed else 0
+        results = np.empty((len(trajectories), len(speeds), len(positions), 4 + filters))
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             for row, speed in enumerate(speeds):
                 responses = self._responses(speed, pool)
@@ -120,13 +127,16 @@ class GreenRig:
                     cell: tuple[int, int], responses: _Responses = responses, row: int = row, speed: float = speed
                 ) -> None:
                     weld, column = cell
-                    results[weld, row, column] = self._peak(responses, trajectories[weld], speed, positions[column])
+                    rolled = self._over(responses, trajectories[weld], speed, positions[column])
+                    results[weld, row, column, :4] = _peak(rolled, responses.dt)
+                    if low_passed:
+                        results[weld, row, column, 4:] = _greatest_low_passed(rolled, responses.dt)
 
                 list(pool.map(peak, np.ndindex(len(trajectories), len(positions))))
                 on_speed()
         if not np.all(np.isfinite(results)):
             raise NumericalError("a passage did not stay finite; the reference cannot follow this track")
-        return [Surface(*np.moveaxis(weld, 2, 0)) for weld in results]
+        return [Surface.of(weld) for weld in results]
 
     def history(self, trajectory: Trajectory, speed_kmh: float, position_m: float, *, until_m: float = 0.0) -> History:
         """As `Rig.history`."""
@@ -139,20 +149,10 @@ class GreenRig:
         force, wheel, rail = rolled.columns.T
         return History(rolled.x_m, force, -wheel, -rail, rolled.irregularity_m)
 
-    def _peak(
-        self, responses: _Responses, trajectory: Trajectory, speed_kmh: float, position_m: float
-    ) -> tuple[float, float, float, float]:
+    def _over(self, responses: _Responses, trajectory: Trajectory, speed_kmh: float, position_m: float) -> _Rolled:
         first, last = position_m + trajectory.start_m, position_m + trajectory.end_m
         last += max(self.track.spacing_m, RUN_OUT_S * speed_kmh / 3.6)
-        rolled = self._roll(responses, trajectory, position_m, first, last)
-        force = rolled.columns[:, 0]
-        n = int(np.argmax(force[1:-1])) + 1
-        before, top, after = force[n - 1 : n + 2]
-        curvature = before - 2 * top + after
-        offset = 0.5 * (before - after) / curvature if curvature < 0 else 0.0
-        place = rolled.x_m[n] + offset * (rolled.x_m[1] - rolled.x_m[0])
-        loss = float(np.count_nonzero(force == 0.0) * responses.dt)
-        return float(top - 0.25 * (before - after) * offset), float(place), float(force.min()), loss
+        return self._roll(responses, trajectory, position_m, first, last)
 
     def _roll(
         self, responses: _Responses, trajectory: Trajectory, position_m: float, first_m: float, last_m: float
@@ -169,7 +169,7 @@ class GreenRig:
             responses.dt, columns,
         )  # fmt: skip
         shown = slice(settling + memory, None)
-        return _Rolled(x[shown], irregularity[shown], columns[shown])
+        return _Rolled(x[shown], irregularity[shown], columns[shown], columns[:, 0])
 
     def _responses(self, speed_kmh: float, pool: ThreadPoolExecutor) -> _Responses:
         span, speed = self.track.spacing_m, speed_kmh / 3.6
@@ -236,6 +236,23 @@ class _Spectrum:
         exact = 2 * a * np.exp(-b * lag) * (np.cosh(z) - 1) / (b * z)
         exact[0] = a * (z - 1 + np.exp(-z)) / (b * z)  # the pulse's first half
         return in_band, exact
+
+
+def _peak(rolled: _Rolled, dt: float) -> tuple[float, float, float, float]:
+    """Peak force, its place, least force and contact loss."""
+    force = rolled.columns[:, 0]
+    n = int(np.argmax(force[1:-1])) + 1
+    before, top, after = force[n - 1 : n + 2]
+    curvature = before - 2 * top + after
+    offset = 0.5 * (before - after) / curvature if curvature < 0 else 0.0
+    place = rolled.x_m[n] + offset * (rolled.x_m[1] - rolled.x_m[0])
+    loss = float(np.count_nonzero(force == 0.0) * dt)
+    return float(top - 0.25 * (before - after) * offset), float(place), float(force.min()), loss
+
+
+def _greatest_low_passed(rolled: _Rolled, dt: float) -> Real:
+    """(n_filter,)."""
+    return np.asarray(lowpass.low_passed(rolled.force_n, dt)[:, -len(rolled.x_m) :].max(axis=1))
 
 
 def _parts(values: Complex) -> tuple[Real, Real]:

@@ -31,6 +31,7 @@ class Rolling:
         states: (n_start, n_state + 3) on smooth rail at every point that a passage may begin at: rail states,
             displacement, velocity and force of the wheel.
         smooth_n: (n_grid,), force on smooth rail at every step of the span.
+        smooth_wheel: (n_grid, 3), wheel on smooth rail at every step: displacement, velocity, force.
     """
 
     stride: int
@@ -38,6 +39,7 @@ class Rolling:
     step: Propagation
     states: Real
     smooth_n: Real
+    smooth_wheel: Real
 
 
 class Roller:
@@ -84,7 +86,8 @@ class Roller:
         )  # fmt: skip
         if spans < 0:
             raise NumericalError(f"the force on smooth rail does not settle at {speed_kmh:g} km/h; fit the track anew")
-        return Rolling(stride, dt, step, states[:: self.longest_stride // stride].copy(), states[:, -1].copy())
+        starts = states[:: self.longest_stride // stride].copy()
+        return Rolling(stride, dt, step, starts, states[:, -1].copy(), states[:, -3:].copy())
 
     def beginning(self, rolling: Rolling, start: int) -> Real:
         """State at a start, (n_state + 3,)."""

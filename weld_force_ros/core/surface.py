@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weld_force_ros.core.batch import Batch, approaches, make_batch
+from weld_force_ros.core.lowpass import CUTOFFS_HZ
 from weld_force_ros.core.rolling import Roller
 from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import Trajectory
@@ -25,17 +26,30 @@ from weld_force_ros.errors import NumericalError
 TOLERANCE = 5e-4  # of the peak force
 _ESTIMATE = 1 / 12  # of the second difference: a linear force's mean distance from a parabola, over a step
 _TOGETHER = 128  # speeds whose tables are made before they roll
+_UNFILTERED = 4
+_WORKING = (4, 5)  # columns of `Batch.peaks` that are no result
 _MOST_REMEMBERED = 8  # batches, up to 10 MB each, dense ones of short steps up to 200 MB
 
 
 @dataclass(frozen=True)
 class Surface:
-    """Results over speed and position, each (n_speed, n_position)."""
+    """Results over speed and position, each (n_speed, n_position).
+
+    `low_passed_n`, if asked for: (2, n_speed, n_position), greatest force through the filters of
+    `weld_force_ros.core.lowpass.CUTOFFS_HZ`.
+    """
 
     peak_force_n: Real
     peak_x_m: Real
     min_force_n: Real
     contact_loss_s: Real
+    low_passed_n: Real | None = None
+
+    @classmethod
+    def of(cls, results: Real) -> "Surface":
+        """From (n_speed, n_position, n_column): the fields in their order, each filter a column, or none."""
+        peak_n, peak_x_m, least_n, loss_s, *low_passed = np.moveaxis(results, 2, 0)
+        return cls(peak_n, peak_x_m, least_n, loss_s, np.stack(low_passed) if low_passed else None)
 
 
 class SurfaceRoller:
@@ -53,45 +67,51 @@ class SurfaceRoller:
         positions_m: Real,
         threads: int,
         on_speed: Callable[[], None] = lambda: None,
+        *,
+        low_passed: bool = False,
     ) -> Surface:
         """See `weld_force_ros.core.passage.Rig.surface`."""
         order = np.argsort(speeds_kmh)  # neighbours roll together, as they take as long
-        results = np.empty((len(speeds_kmh), len(positions_m), 4))
+        cutoffs_hz = CUTOFFS_HZ if low_passed else ()
+        results = np.empty((len(speeds_kmh), len(positions_m), _UNFILTERED + len(cutoffs_hz)))
         with ThreadPoolExecutor(threads) if threads > 1 else _Here() as pool:
             for first in range(0, len(order), _TOGETHER):
                 rows = order[first : first + _TOGETHER]
-                results[rows] = self._roll_together(trajectory, speeds_kmh[rows], positions_m, on_speed, pool, threads)
+                results[rows] = self._roll_together(
+                    trajectory, speeds_kmh[rows], positions_m, cutoffs_hz, on_speed, pool, threads
+                )
         if not np.all(np.isfinite(results)):
             raise NumericalError("a passage did not stay finite; the fit of this track cannot be used at that speed")
-        return Surface(*np.moveaxis(results, 2, 0))
+        return Surface.of(results)
 
     def _roll_together(
         self,
         trajectory: Trajectory,
         speeds_kmh: Real,
         positions_m: Real,
+        cutoffs_hz: tuple[float, ...],
         on_speed: Callable[[], None],
         pool: Executor,
         threads: int,
     ) -> Real:
-        """(n_speed, n_position, 4), speeds increasing; each passage in the longest stride that serves it."""
+        """(n_speed, n_position, 4 + n_filter), speeds increasing; each passage in the longest stride that serves it."""
         coarsest = np.array([self._roller.coarsest_stride(speed) for speed in speeds_kmh])
         wanted = np.repeat(coarsest[:, None], len(positions_m), axis=1)
-        results = np.empty((*wanted.shape, 6))
+        results = np.empty((*wanted.shape, 6 + len(cutoffs_hz)))
         while wanted.any():
             stride = int(wanted.max())
             able = coarsest >= stride  # the same speeds whatever is asked, so that their tables serve again
             asked = wanted == stride
             weld = approaches(self._roller, trajectory, positions_m, stride)
             batch = self._batch(stride, speeds_kmh[able], pool)
-            found = batch.peaks(weld, asked[able], pool, threads)[asked[able]]
+            found = batch.peaks(weld, asked[able], pool, threads, cutoffs_hz)[asked[able]]
             found[:, 1] = (weld.starts[np.nonzero(asked)[1]] + stride * found[:, 1]) * self._roller.grid_m
             results[asked] = found
             wanted[asked] = _finer(stride, found)
             done = asked.any(axis=1) & ~wanted.any(axis=1)
             for _ in np.flatnonzero(done):
                 on_speed()
-        return results[:, :, :4]
+        return np.delete(results, _WORKING, axis=2)
 
     def _batch(self, stride: int, speeds_kmh: Real, pool: Executor) -> Batch:
         """A batch's tables, remembered: the next weld is likely to be rolled over at the same speeds."""
