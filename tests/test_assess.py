@@ -31,6 +31,7 @@ from weld_force_ros.contract import (
     encode,
     profile_sha256,
 )
+from weld_force_ros.core.criteria import CRITERIA
 from weld_force_ros.core.shapes import cosine_dip
 from weld_force_ros.errors import InputError
 from weld_force_ros.tracks import load
@@ -224,7 +225,7 @@ def test_assessment_is_map_worst_history_and_verdict(simulator: Simulator, force
     assert (verdict.worst_speed_kmh, verdict.worst_position_m) == (SPEEDS[place // 3], POSITIONS[place % 3])
     assert (verdict.judged_speed_kmh, verdict.chainage_m, verdict.rail) == (90.0, 12.5, "left")
     assert verdict.limits_sha256 == limits.limits_sha256
-    assert [c.name for c in verdict.criteria] == ["peak_force", "dynamic_factor", "contact_loss"]
+    assert [c.name for c in verdict.criteria] == list(CRITERIA)
     assert not any(c.verified for c in verdict.criteria)
     history = found.history
     assert (history.speed_kmh, history.position_m) == (verdict.worst_speed_kmh, verdict.worst_position_m)

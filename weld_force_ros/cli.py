@@ -15,17 +15,19 @@ from typing import TYPE_CHECKING, Annotated, Any, cast, get_args
 import msgspec
 import typer
 
-from weld_force_ros import cli_bag, cli_nodes, cli_replay, cli_study, json_lines
+from weld_force_ros import cli_bag, cli_nodes, cli_replay, cli_report, cli_study, json_lines
 from weld_force_ros.cli_options import (
     EngineName,
     Hertz,
     Json,
     Positions,
+    Samples,
     SkipRows,
     Spacing,
     Speeds,
     StaticLoad,
     Track,
+    Unknown,
     WheelMass,
     WheelRadius,
     XUnit,
@@ -54,6 +56,7 @@ app.command()(cli_nodes.demo)
 app.command()(cli_nodes.up)
 app.command(context_settings={"ignore_unknown_options": True, "allow_extra_args": True})(cli_nodes.node)
 app.command()(cli_replay.replay)
+app.command()(cli_report.report)
 
 
 @app.command()
@@ -67,6 +70,8 @@ def simulate(
     static_load_n: StaticLoad = None,
     wheel_radius_m: WheelRadius = None,
     hertz_n_per_m15: Hertz = None,
+    uncertainty: Samples = None,
+    unknown: Unknown = None,
     x_unit: XUnit = None,
     z_unit: ZUnit = None,
     z_positive: ZPositive = None,
@@ -80,8 +85,9 @@ def simulate(
     from weld_force_ros.profiles import PlainForm, find, read_profile
 
     settings = _settings(
-        track, engine, speeds, positions, wheel_mass_kg, static_load_n, wheel_radius_m, hertz_n_per_m15
-    )
+        track, engine, speeds, positions, wheel_mass_kg, static_load_n, wheel_radius_m, hertz_n_per_m15, uncertainty,
+        unknown,
+    )  # fmt: skip
     stated = (x_unit, z_unit, z_positive, spacing)
     form = PlainForm(x_unit=x_unit, z_unit=z_unit, z_positive=z_positive, spacing=spacing, skip_rows=skip_rows)
     simulator = _simulator(settings)
@@ -302,8 +308,10 @@ def _settings(
     static_load_n: float | None,
     wheel_radius_m: float | None,
     hertz_n_per_m15: float | None,
+    samples: int | None,
+    unknown: Path | None,
 ) -> "SimulationSettings":
-    from weld_force_ros.assess import parse_positions, parse_speeds, simulation_settings
+    from weld_force_ros.assess import load_uncertainty, parse_positions, parse_speeds, simulation_settings
 
     return simulation_settings(
         track=track,
@@ -314,6 +322,7 @@ def _settings(
         static_load_n=static_load_n,
         wheel_radius_m=wheel_radius_m,
         hertz_n_per_m15=hertz_n_per_m15,
+        uncertainty=load_uncertainty(samples or 0, unknown),
     )
 
 

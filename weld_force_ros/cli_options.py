@@ -16,6 +16,10 @@ WheelMass = Annotated[float | None, typer.Option("--wheel-mass", help="Half a wh
 StaticLoad = Annotated[float | None, typer.Option("--static-load", help="Static wheel load, N.")]
 WheelRadius = Annotated[float | None, typer.Option("--wheel-radius", help="Rolling radius, m.")]
 Hertz = Annotated[float | None, typer.Option("--hertz", help="Hertz constant, N/m^1.5.")]
+Samples = Annotated[
+    int | None, typer.Option("--uncertainty", help="Samples of what is not known, such as 200: probabilities.")
+]
+Unknown = Annotated[Path | None, typer.Option("--unknown", help="What is not known (YAML; default: the shipped one).")]
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE|-", help="Write JSON lines to a file or stdout.")]
 Limits = Annotated[Path | None, typer.Option(help="Limits file (YAML; default: the shipped, unverified ones).")]
 BagPath = Annotated[Path, typer.Argument(help="A bag folder or an .mcap file.")]

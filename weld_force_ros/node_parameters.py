@@ -76,6 +76,14 @@ PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
         NodeParameter("static_load_n", 0.0, f"static wheel load, N; {_OWN}", 0.0, 1e6),
         NodeParameter("wheel_radius_m", 0.0, f"wheel radius, m; {_OWN}", 0.0, 2.0),
         NodeParameter("hertz_n_per_m15", 0.0, f"contact stiffness, N/m^1.5; {_OWN}", 0.0, 1e13),
+        NodeParameter(
+            "uncertainty_samples",
+            0,
+            "samples of what is not known, for verdicts with probabilities; 0: none",
+            0,
+            10_000,
+        ),
+        NodeParameter("uncertainty", "", "file of what is not known (YAML); empty: the shipped one"),
     ),
     "assessment_node": (
         _AUTOSTART,
@@ -167,6 +175,9 @@ def simulation_settings(values: Mapping[str, Any]) -> SimulationSettings:
         engine=given["engine"],
         speeds_kmh=assess.parse_speeds(_listed(given["speeds"])),
         positions=assess.parse_positions(_listed(given["positions"])),
+        uncertainty=assess.load_uncertainty(
+            given["uncertainty_samples"], Path(given["uncertainty"]).expanduser() if given["uncertainty"] else None
+        ),
         **{name: given[name] or None for name in wheel},
     )
 

@@ -5,16 +5,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from weld_force_ros.assess import Simulator, judge
 from weld_force_ros.bag import contract_messages, open_bag
 from weld_force_ros.contract import (
     AssessmentSettings,
+    ForceHistory,
     ForceMap,
     Message,
     Rejection,
     SimulationSettings,
+    SpeedCurve,
+    Spread,
     Verdict,
     WeldProfile,
 )
@@ -46,6 +50,7 @@ class Recording:
     settings: dict[str, SimulationSettings] = field(default_factory=dict)
     limits: dict[str, AssessmentSettings] = field(default_factory=dict)
     force_maps: list[ForceMap] = field(default_factory=list)
+    histories: list[ForceHistory] = field(default_factory=list)
     verdicts: list[Verdict] = field(default_factory=list)
     rejections: list[Rejection] = field(default_factory=list)
     unreadable: list[BagError] = field(default_factory=list)
@@ -69,6 +74,8 @@ def read(path: Path) -> Recording:
                 recording.limits[message.limits_sha256] = message
             case ForceMap():
                 recording.force_maps.append(message)
+            case ForceHistory():
+                recording.histories.append(message)
             case Verdict():
                 recording.verdicts.append(message)
             case Rejection():
@@ -132,13 +139,18 @@ def _map_differences(recorded: ForceMap, computed: ForceMap) -> Iterator[str]:
     if recorded.speeds_kmh != computed.speeds_kmh or recorded.positions_m != computed.positions_m:
         yield "speeds or positions differ"
         return
+    force_n = FORCE_TOLERANCE * recorded.static_load_n
     tolerances = {
-        "peak_force_n": FORCE_TOLERANCE * recorded.static_load_n,
-        "min_force_n": FORCE_TOLERANCE * recorded.static_load_n,
+        "peak_force_n": force_n,
+        "min_force_n": force_n,
         "peak_x_m": PLACE_TOLERANCE_M,
         "contact_loss_s": TIME_TOLERANCE_S,
+        "p2_force_n": force_n,
+        "force_20hz_n": force_n,
     }
     for name, tolerance in tolerances.items():
+        if getattr(recorded, name) is UNSET:  # of a version that did not compute it
+            continue
         apart = np.abs(np.array(getattr(recorded, name)) - np.array(getattr(computed, name)))
         if apart.max() > tolerance:
             row, column = divmod(int(apart.argmax()), len(recorded.positions_m))
@@ -146,6 +158,20 @@ def _map_differences(recorded: ForceMap, computed: ForceMap) -> Iterator[str]:
                 f"{name} differs by {apart.max():.6g} at {recorded.speeds_kmh[row]:g} km/h, "
                 f"{recorded.positions_m[column]:g} m ({np.count_nonzero(apart > tolerance)} of {apart.size} passages)"
             )
+
+    for name in ("curve", "spread"):
+        was, now = getattr(recorded, name), getattr(computed, name)
+        if was is not UNSET and (now is UNSET or not _alike(was, now, force_n)):
+            yield f"{name} differs"
+
+
+def _alike(was: SpeedCurve | Spread, now: SpeedCurve | Spread, tolerance_n: float) -> bool:
+    """Whether all columns agree: forces as those of the map, what is no force within the tolerance of places."""
+    columns = ((getattr(was, name), getattr(now, name), name.endswith("_n")) for name in was.__struct_fields__)
+    return all(
+        a is UNSET or len(a) == len(b) and np.allclose(a, b, rtol=0.0, atol=tolerance_n if force else PLACE_TOLERANCE_M)
+        for a, b, force in columns
+    )
 
 
 def _replayed_verdict(recorded: Verdict, force_map: ForceMap, recording: Recording) -> Replayed:
@@ -164,6 +190,9 @@ def _verdict_differences(recorded: Verdict, computed: Verdict) -> Iterator[str]:
     if ours.keys() != theirs.keys():
         yield f"criteria were {', '.join(theirs)}, are {', '.join(ours)}"
         return
+    permitted = (recorded.permitted_speed_kmh, computed.permitted_speed_kmh)
+    if recorded.advice and permitted[0] != permitted[1]:
+        yield f"permitted speed was {permitted[0]} km/h, is {permitted[1]} km/h"
     for name, was in theirs.items():
         now = ours[name]
         if was.passed != now.passed or not np.isclose(was.value, now.value, rtol=FORCE_TOLERANCE, atol=1e-9):

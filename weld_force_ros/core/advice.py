@@ -1,7 +1,7 @@
 """What to say about speed: force is not monotonic in it, so that a restriction can make things worse.
 
-A speed counts as within limits if every force criterion is on which the decision hangs; limits for lines of certain speeds are those of a line
-whose speed it is. What the geometry says by itself does not hang on speed and is left out.
+A speed counts as within limits if every force criterion is on which the decision hangs; limits for lines of certain
+speeds are those of a line whose speed it is. What the geometry says by itself does not hang on speed and is left out.
 """
 
 from collections.abc import Sequence

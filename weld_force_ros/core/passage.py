@@ -14,7 +14,7 @@ from weld_force_ros.core import _kernel
 from weld_force_ros.core.batch import ECHO_S
 from weld_force_ros.core.propagation import StateModel
 from weld_force_ros.core.rolling import Roller
-from weld_force_ros.core.surface import Surface, SurfaceRoller
+from weld_force_ros.core.surface import TOLERANCE, Surface, SurfaceRoller
 from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import Trajectory
 from weld_force_ros.core.wheel import Wheel
@@ -72,6 +72,7 @@ class Rig:
         positions_m: ArrayLike,
         *,
         low_passed: bool = False,
+        tolerance: float = TOLERANCE,
         on_speed: Callable[[], None] = lambda: None,
     ) -> Surface:
         """Peak force, its place, least force and contact loss of every passage.
@@ -81,6 +82,7 @@ class Rig:
             speeds_kmh: (n_speed,), positive.
             positions_m: (n_position,), the weld's centre after the sleeper.
             low_passed: also the greatest forces through the filters of `weld_force_ros.core.lowpass`.
+            tolerance: of the peak force, that the steps' length may cost.
             on_speed: called for each speed that is done.
 
         Raises:
@@ -88,7 +90,9 @@ class Rig:
             NumericalError: the passage did not stay finite.
         """
         speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
-        return self._surfaces.roll(trajectory, speeds, positions, self._threads, on_speed, low_passed=low_passed)
+        return self._surfaces.roll(
+            trajectory, speeds, positions, self._threads, on_speed, low_passed=low_passed, tolerance=tolerance
+        )
 
     def surfaces(
         self,
@@ -97,6 +101,7 @@ class Rig:
         positions_m: ArrayLike,
         *,
         low_passed: bool = False,
+        tolerance: float = TOLERANCE,
     ) -> Iterator[Surface]:
         """`surface` of many welds, in their order, a thread each: no more are held than there are threads, twice.
 
@@ -105,13 +110,14 @@ class Rig:
             speeds_kmh: (n_speed,), positive.
             positions_m: (n_position,), the weld's centre after the sleeper.
             low_passed: as of `surface`.
+            tolerance: as of `surface`.
 
         Raises:
             InputError: a speed that is not positive, or anything that is not finite.
             NumericalError: a passage did not stay finite.
         """
         speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
-        roll = partial(self._surfaces.roll, low_passed=low_passed)
+        roll = partial(self._surfaces.roll, low_passed=low_passed, tolerance=tolerance)
         with ThreadPoolExecutor(self._threads) as pool:
             waiting: deque[Future[Surface]] = deque()
             for trajectory in trajectories:

@@ -28,7 +28,7 @@ _ESTIMATE = 1 / 12  # of the second difference: a linear force's mean distance f
 _TOGETHER = 128  # speeds whose tables are made before they roll
 _UNFILTERED = 4
 _WORKING = (4, 5)  # columns of `Batch.peaks` that are no result
-_MOST_REMEMBERED = 8  # batches, up to 10 MB each, dense ones of short steps up to 200 MB
+_MOST_REMEMBERED = 16  # batches: a map's and its curve's; up to 10 MB each, dense ones of short steps up to 200 MB
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,7 @@ class SurfaceRoller:
         on_speed: Callable[[], None] = lambda: None,
         *,
         low_passed: bool = False,
+        tolerance: float = TOLERANCE,
     ) -> Surface:
         """See `weld_force_ros.core.passage.Rig.surface`."""
         order = np.argsort(speeds_kmh)  # neighbours roll together, as they take as long
@@ -78,7 +79,7 @@ class SurfaceRoller:
             for first in range(0, len(order), _TOGETHER):
                 rows = order[first : first + _TOGETHER]
                 results[rows] = self._roll_together(
-                    trajectory, speeds_kmh[rows], positions_m, cutoffs_hz, on_speed, pool, threads
+                    trajectory, speeds_kmh[rows], positions_m, cutoffs_hz, tolerance, on_speed, pool, threads
                 )
         if not np.all(np.isfinite(results)):
             raise NumericalError("a passage did not stay finite; the fit of this track cannot be used at that speed")
@@ -90,6 +91,7 @@ class SurfaceRoller:
         speeds_kmh: Real,
         positions_m: Real,
         cutoffs_hz: tuple[float, ...],
+        tolerance: float,
         on_speed: Callable[[], None],
         pool: Executor,
         threads: int,
@@ -107,7 +109,7 @@ class SurfaceRoller:
             found = batch.peaks(weld, asked[able], pool, threads, cutoffs_hz)[asked[able]]
             found[:, 1] = (weld.starts[np.nonzero(asked)[1]] + stride * found[:, 1]) * self._roller.grid_m
             results[asked] = found
-            wanted[asked] = _finer(stride, found)
+            wanted[asked] = _finer(stride, found, tolerance)
             done = asked.any(axis=1) & ~wanted.any(axis=1)
             for _ in np.flatnonzero(done):
                 on_speed()
@@ -138,9 +140,9 @@ class _Here(Executor):
         return future
 
 
-def _finer(stride: int, results: Real) -> NDArray[np.int64]:
+def _finer(stride: int, results: Real, tolerance: float) -> NDArray[np.int64]:
     """The stride that results (..., 6) ask for, as the error goes with its square; 0 where they are good enough."""
-    excess = _ESTIMATE * results[..., 4] / (TOLERANCE * results[..., 0])
+    excess = _ESTIMATE * results[..., 4] / (tolerance * results[..., 0])
     good = ~(excess > 1) | (stride == 1)
     halvings = np.ceil(0.5 * np.log2(np.where(good, 1.0, excess)))
     return np.where(good, 0, np.maximum(1, stride // 2**halvings)).astype(np.int64)
