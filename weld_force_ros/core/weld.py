@@ -67,7 +67,7 @@ def wheel_trajectory(x_m: Real, z_m: Real, wheel_radius_m: float) -> Trajectory:
         z_m: (n,), positive up.
         wheel_radius_m: rolling radius.
     """
-    x, z, join = _joined(np.asarray(x_m, dtype=np.float64), np.asarray(z_m, dtype=np.float64))
+    x, z, join = joined(np.asarray(x_m, dtype=np.float64), np.asarray(z_m, dtype=np.float64))
     reach = _reach(float(np.ptp(z)), wheel_radius_m)
     first = np.floor((x[0] - reach) / RESAMPLED_STEP_M) - 2
     last = np.ceil((x[-1] + reach) / RESAMPLED_STEP_M) + 2
@@ -97,7 +97,7 @@ def _reach(height_m: float, wheel_radius_m: float) -> float:
     return float(np.sqrt(2 * wheel_radius_m * height - height**2))
 
 
-def _joined(x_m: Real, z_m: Real) -> tuple[Real, Real, tuple[str, ...]]:
+def joined(x_m: Real, z_m: Real) -> tuple[Real, Real, tuple[str, ...]]:
     """The profile with half-cosine ramps to zero wherever an end does not lie there."""
     ramp = np.linspace(0.0, 1.0, 101)[1:]
     ease = 0.5 * (1 + np.cos(np.pi * ramp))

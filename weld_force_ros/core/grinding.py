@@ -1,0 +1,273 @@
+"""The least removal of metal that brings a weld within its limits, whatever says what the limits make of a profile.
+
+What a grinder takes off is never negative and no sharper along the rail than it can be steered: a sum of cubic
+B-splines with coefficients that are not negative. With knots three quarters of the shortest wavelength apart, however
+the coefficients vary, less than 2e-4 of the removal's energy lies at shorter waves: a wave of the coefficients with
+frequency f comes back at 1/h - f, weaker by (f / (1/h - f))^8. Where metal was removed, the ground surface is what the
+stone's circle touches from above: the morphological closing of z - d, nowhere above the measured surface.
+
+The search is sequential linear programming with an exact penalty (Fletcher & Sainz de la Maza, Mathematical
+Programming 43 (1989) 235): constraints are linearised by finite differences, a linear program trades removed area for
+the largest excess within a trust region, and a step counts by what the constraints really say. Several sizes of the
+region are tried at once, as many profiles side by side cost less than one after the other.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from scipy.interpolate import BSpline
+from scipy.ndimage import grey_closing
+from scipy.optimize import linprog, nnls
+
+from weld_force_ros.core.track import Real
+from weld_force_ros.core.weld import RESAMPLED_STEP_M, joined
+from weld_force_ros.errors import InputError
+
+KNOTS_PER_WAVE = 4 / 3
+MARGIN = 5e-4  # of a limit: constraints are computed no better
+MOST_STEPS = 25
+_FIRST_REGION_M = 0.2e-3
+_SMALLEST_REGION_M = 0.5e-6
+_REGIONS = 0.5 ** np.arange(4)  # tried at once
+_PROBE_M = 10e-6  # a few per cent of a force: far above its numerical noise, and nearly linear
+_WORTH_A_STEP = 2e-3  # of the objective
+_CURVATURES_PER_M = 0.1 * 0.5 ** np.arange(7)  # of hollows to begin with: as 40 um over 96 mm has them, and gentler
+_PENALTY = 10.0  # of an excess of 1, in removals of everything
+
+Profile: TypeAlias = tuple[Real, Real]
+"""Positions and heights, positive up, each (n,)."""
+
+Excess: TypeAlias = Callable[[Sequence[Profile]], Real]
+"""Of many profiles at once: (n_profile, n_constraint), value over limit less 1; within limits if none is positive."""
+
+
+@dataclass(frozen=True)
+class Grinder:
+    """What a grinder can do. Engineering judgement, not taken from a machine's data sheet.
+
+    Attributes:
+        band_limit_m: shortest wavelength that it can be steered to grind: less than a stone's own width is not.
+        stone_radius_m: hollows that it leaves are no sharper.
+        reach_m: how far it may work on rail before and behind the measured range.
+        most_m: depth that may be taken off.
+    """
+
+    band_limit_m: float = 0.10
+    stone_radius_m: float = 0.15
+    reach_m: float = 0.5
+    most_m: float = 1e-3
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not np.isfinite(value) or value < 0 or (value == 0 and name != "reach_m"):
+                raise InputError(f"a grinder's {name} is {value:g}", "give a positive number of metres")
+
+
+@dataclass(frozen=True)
+class Removal:
+    """Metal taken off a profile, each array (n,).
+
+    Attributes:
+        x_m: the profile's positions, and some beyond its ends as far as the grinder reaches.
+        z_m: heights before; beyond the ends those of the rail that the simulation joins.
+        removal_m: not negative.
+        excess: (n_constraint,), of the ground profile.
+        steps: of the search.
+        coefficients_m: (n_spline,), what a further search begins with.
+    """
+
+    x_m: Real
+    z_m: Real
+    removal_m: Real
+    excess: Real
+    steps: int
+    coefficients_m: Real
+
+    @property
+    def reached(self) -> bool:
+        """Whether the ground profile is within its limits."""
+        return bool(self.excess.max() <= 0)
+
+    @property
+    def ground_m(self) -> Real:
+        """Heights after."""
+        return self.z_m - self.removal_m
+
+    @property
+    def removed_m2(self) -> float:
+        """Area between both profiles."""
+        return float(np.trapezoid(self.removal_m, self.x_m))
+
+
+def least_removal(
+    x_m: Real,
+    z_m: Real,
+    excess: Excess,
+    grinder: Grinder | None = None,
+    *,
+    begin: Removal | None = None,
+    on_step: Callable[[], None] = lambda: None,
+) -> Removal:
+    """The least removed area with which a profile is within its limits, or what comes closest to them.
+
+    It is a local optimum, the best found from nothing removed and from what stands above its surroundings removed.
+
+    Args:
+        x_m: (n,), increasing, 0 at the weld's centre.
+        z_m: (n,), positive up.
+        excess: what the limits say of profiles.
+        grinder: what can be done.
+        begin: a removal from the same profile by the same grinder to begin with.
+        on_step: called after each step of the search, `MOST_STEPS` times at most.
+
+    Raises:
+        InputError: the grinder reaches no place on the profile.
+    """
+    search = _Search(x_m, z_m, excess, grinder or Grinder())
+    if begin is not None:
+        return search.removal(search.descend(search.at([begin.coefficients_m])[0], on_step))
+    nothing, *others = search.at([np.zeros(search.splines.shape[1]), *search.gentle()])
+    if nothing.worst <= 0:
+        return search.removal(nothing)
+    starts = [nothing, min(others, key=lambda point: point.merit)]
+    return search.removal(min((search.descend(start, on_step) for start in starts), key=lambda point: point.merit))
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A removal with what it costs: in coefficients of the greatest depth, an excess weighing more than all of them."""
+
+    shares: Real
+    removal_m: Real
+    excess: Real
+    merit: float
+    steps: int = 0
+
+    @property
+    def worst(self) -> float:
+        return float(self.excess.max())
+
+
+class _Search:
+    """A profile and what can be taken off it; coefficients are shares of the greatest depth."""
+
+    def __init__(self, x_m: Real, z_m: Real, excess: Excess, grinder: Grinder) -> None:
+        self.grinder, self._excess = grinder, excess
+        self.x_m, self.z_m = extended(x_m, z_m, grinder.reach_m)
+        self.knots_m = grinder.band_limit_m / KNOTS_PER_WAVE
+        self.splines = splines(self.x_m, x_m[0] - grinder.reach_m, x_m[-1] + grinder.reach_m, self.knots_m)
+        if self.splines.shape[1] == 0:
+            raise InputError(
+                f"waves of {grinder.band_limit_m:g} m are too long for this profile", "let the grinder reach farther"
+            )
+        self._penalty = _PENALTY * self.splines.shape[1]
+
+    def at(self, coefficients_m: Sequence[Real]) -> list[_Point]:
+        """What removals really come to."""
+        most = self.grinder.most_m
+        removals = [self._ground(self.splines @ c) for c in coefficients_m]
+        excesses = self._excess([(self.x_m, self.z_m - removal) for removal in removals])
+        return [
+            self._point(c / most, removal, excess)
+            for c, removal, excess in zip(coefficients_m, removals, excesses, strict=True)
+        ]
+
+    def _ground(self, wanted_m: Real) -> Real:
+        """The removal after the stone has run over what was wanted."""
+        ground = closed(self.x_m, self.z_m - wanted_m, self.grinder.stone_radius_m)
+        return np.where(wanted_m > 0, np.maximum(self.z_m - ground, 0.0), 0.0)
+
+    def _point(self, shares: Real, removal_m: Real, excess: Real) -> _Point:
+        area = np.trapezoid(removal_m, self.x_m) / (self.knots_m * self.grinder.most_m)
+        return _Point(shares, removal_m, excess, float(area + self._penalty * max(0.0, excess.max() + MARGIN)))
+
+    def removal(self, point: _Point) -> Removal:
+        coefficients = point.shares * self.grinder.most_m
+        return Removal(self.x_m, self.z_m, point.removal_m, point.excess, point.steps, coefficients)
+
+    def gentle(self) -> list[Real]:
+        """Coefficients (n_spline,) that take off about what stands above its surroundings and soften hollows.
+
+        A hollow is softened to a curvature by the lower envelope of parabolas that stand on the surface.
+        """
+        from_left = np.minimum.accumulate(np.minimum(self.z_m, 0.0))
+        from_right = np.minimum.accumulate(np.minimum(self.z_m, 0.0)[::-1])[::-1]
+        levelled = np.minimum(self.z_m, np.maximum(from_left, from_right))
+        squares = (self.x_m[:, None] - self.x_m) ** 2 / 2
+        softened = [np.min(z + c * squares, axis=1) for z in (self.z_m, levelled) for c in _CURVATURES_PER_M]
+        fitted = [nnls(self.splines, self.z_m - target)[0] for target in (levelled, *softened)]
+        return [np.minimum(coefficients, self.grinder.most_m) for coefficients in fitted]
+
+    def descend(self, here: _Point, on_step: Callable[[], None]) -> _Point:
+        """Step after step as long as they pay."""
+        region, slopes = _FIRST_REGION_M / self.grinder.most_m, self._slopes(here)
+        for step in range(1, MOST_STEPS + 1):
+            regions = np.minimum(region, 1.0) * _REGIONS
+            best, region = self._best(here, slopes, regions)
+            on_step()
+            gain = here.merit - best.merit
+            if gain > 0:
+                here, slopes = replace(best, steps=step), self._slopes(best) if gain > 0 else slopes
+            if (0 < gain < _WORTH_A_STEP * here.merit) or region * self.grinder.most_m < _SMALLEST_REGION_M:
+                break
+        return here
+
+    def _best(self, here: _Point, slopes: Real, regions: Real) -> tuple[_Point, float]:
+        """The best of what linear programs propose, and the region to try next."""
+        proposed = [self._proposed(here, slopes, region) for region in regions]
+        points = self.at([shares * self.grinder.most_m for shares in proposed])
+        best = int(np.argmin([point.merit for point in points]))
+        region = 2 * regions[best] if points[best].merit < here.merit else regions[-1] / 2
+        return points[best], float(region)
+
+    def _slopes(self, here: _Point) -> Real:
+        """(n_constraint, n_spline), what each coefficient does to each constraint."""
+        most = self.grinder.most_m
+        probes = self.at([most * here.shares + _PROBE_M * unit for unit in np.eye(len(here.shares))])
+        return np.stack([probe.excess - here.excess for probe in probes], axis=1) * (most / _PROBE_M)
+
+    def _proposed(self, here: _Point, slopes: Real, region: float) -> Real:
+        """Coefficients (n_spline,) within the region that are best if constraints are linear."""
+        shares = here.shares
+        can_exceed = here.excess + MARGIN + region * np.abs(slopes).sum(axis=1) > 0
+        rows, at = slopes[can_exceed], here.excess[can_exceed] + MARGIN
+        solved = linprog(
+            np.append(np.ones(len(shares)), self._penalty),
+            A_ub=np.column_stack([rows, -np.ones(len(rows))]),
+            b_ub=rows @ shares - at,
+            bounds=[*zip(np.maximum(shares - region, 0.0), np.minimum(shares + region, 1.0), strict=True), (0.0, None)],
+        )  # fmt: skip
+        return np.asarray(solved.x[:-1])
+
+
+def extended(x_m: Real, z_m: Real, reach_m: float) -> Profile:
+    """A profile with what the simulation takes the rail to be within reach of its ends: joined, then level."""
+    x, z, _ = joined(np.asarray(x_m, dtype=np.float64), np.asarray(z_m, dtype=np.float64))
+    spacing = float(np.median(np.diff(x_m)))
+    before = np.arange(x_m[0] - reach_m, x[0] - spacing / 2, spacing)
+    behind = np.arange(x_m[-1] + reach_m, x[-1] + spacing / 2, -spacing)[::-1]
+    return np.concatenate([before, x, behind]), np.concatenate([np.zeros(len(before)), z, np.zeros(len(behind))])
+
+
+def splines(x_m: Real, first_m: float, last_m: float, knots_m: float) -> Real:
+    """Cubic B-splines at `x_m`, (n, n_spline): all of sum 1 that lie between two places, centred between them."""
+    count = max(0, int((last_m - first_m) / knots_m + 1e-9) - 3)
+    begin = (first_m + last_m - (count + 3) * knots_m) / 2
+    one = BSpline.basis_element(np.arange(5.0), extrapolate=False)
+    return np.nan_to_num(one((x_m[:, None] - begin) / knots_m - np.arange(count)))
+
+
+def closed(x_m: Real, z_m: Real, radius_m: float) -> Real:
+    """A surface (n,) as a circle leaves it that rolls over it from above: hollows that it cannot reach are bridged."""
+    slopes = np.diff(z_m) / np.diff(x_m)
+    if np.all(np.diff(slopes) <= (x_m[2:] - x_m[:-2]) / (2 * radius_m)):
+        return z_m  # nowhere sharper than the circle, which reaches it everywhere
+    grid = np.arange(x_m[0], x_m[-1] + RESAMPLED_STEP_M, RESAMPLED_STEP_M)
+    surface = np.interp(grid, x_m, z_m)
+    half = int(np.ceil(np.sqrt(2 * radius_m * np.ptp(surface)) / RESAMPLED_STEP_M))
+    s = RESAMPLED_STEP_M * np.arange(-half, half + 1)
+    circle = np.sqrt(np.maximum(radius_m**2 - s**2, 0.0)) - radius_m
+    bridged = grey_closing(surface, footprint=np.ones(len(s)), structure=circle, mode="nearest")
+    return np.maximum(np.interp(x_m, grid, bridged), z_m)
