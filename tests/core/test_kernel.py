@@ -58,10 +58,11 @@ definition = tracks.load("bilbao")
 rig = Rig(fits.fitted(definition).model(), definition.wheel)
 x = np.linspace(-0.05, 0.05, 201)
 flat = wheel_trajectory(x, cosine_dip(x, 0.1, 0.9e-3), 0.45)
-surface = rig.surface(flat, [200.0], [0.1])
+surface = rig.surface(flat, [200.0], [0.1], low_passed=True)
 history = rig.history(flat, 200.0, 0.1)
 json.dump([surface.peak_force_n.tolist(), surface.peak_x_m.tolist(), surface.min_force_n.tolist(),
-           surface.contact_loss_s.tolist(), history.force_n.tolist(), history.rail_m.tolist()], sys.stdout)
+           surface.contact_loss_s.tolist(), surface.low_passed_n.tolist(), history.force_n.tolist(),
+           history.rail_m.tolist()], sys.stdout)
 """
 
 

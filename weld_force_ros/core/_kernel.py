@@ -133,6 +133,12 @@ def _faded(echo, highest, least, smooth_high, smooth_low, negligible, a_span_beh
 
 
 @compiled(nogil=True, fastmath=_FAST, inline="always")
+def _beneath(echo, top, floor, negligible, a_span_behind):
+    """`_faded` for a filter that an echo passes: it has only a highest level, to compare with its smooth rail's."""
+    return echo <= _FADED * (top - floor) or (a_span_behind and echo <= negligible)
+
+
+@compiled(nogil=True, fastmath=_FAST, inline="always")
 def _vertex(before, top, after):
     """Of the parabola through a highest sample and its neighbours: value, and place in steps from the sample."""
     bend = before - 2.0 * top + after
@@ -170,7 +176,7 @@ def sampled(pieces, piece_m, first_m, firsts_m, step_m, rows):
 @compiled(nogil=True, fastmath=_FAST)
 def peaks_at_speed(
     beginnings, decay, transitions, drives, shapes, gains, starts, ends, window, run_out, smooth, negligible,
-    irregularities, physics, dt, filter_decay, filter_shapes, filter_gains, filter_smooth, results,
+    irregularities, physics, dt, filter_decay, filter_shapes, filter_gains, filter_smooth, filter_floors, results,
 ):  # fmt: skip
     """Every passage of one speed; position i starts at grid point `starts[i]` in the periodic state over smooth rail.
 
@@ -178,7 +184,8 @@ def peaks_at_speed(
     `window` of steps has seen the echo fade, at the latest after `run_out` steps more. `smooth` (n_grid,): the force on
     smooth rail; an echo below `negligible` (N) is not waited for. `irregularities` (n_position, n): from the start on,
     zero beyond. Filters as `weld_force_ros.core.lowpass.LowPass` has them: `filter_decay` and `filter_shapes`
-    (2, n_filter, n_pole), `filter_gains` (n_filter,), `filter_smooth` (n_filter, n_grid).
+    (2, n_filter, n_pole), `filter_gains` and `filter_floors` (n_filter,), `filter_smooth` (n_filter, n_grid). A passage
+    goes on for them, its other results unchanged.
 
     `results` (n_position, 6 + n_end): peak force, its place in steps from the start, least force, time without contact,
     largest second difference of the force, steps rolled; with filters, n_end = n_filter + 2 n_filter n_pole + 3: the
@@ -199,6 +206,7 @@ def peaks_at_speed(
             levels[q, :] = filter_smooth[q, j]
         away = force - smooth[j]
         look = ends[i] + window
+        ended = False
         n = 0
         while True:
             n += 1
@@ -226,13 +234,19 @@ def peaks_at_speed(
             bend = max(bend, abs(before - 2.0 * force + after))
             before, force = force, after
             if n % _LOOK == 0 and n >= look:
-                over = _faded(echo, top, least, smooth_high, smooth_low, negligible, n >= ends[i] + grid)
-                if over or n >= ends[i] + run_out:
+                a_span_behind, run_out_over = n >= ends[i] + grid, n >= ends[i] + run_out
+                over = _faded(echo, top, least, smooth_high, smooth_low, negligible, a_span_behind)
+                if not ended and (over or run_out_over):
+                    ended = True
+                    peak, offset = _vertex(top_before, top, top_after)
+                    results[i, 0], results[i, 1], results[i, 2] = peak, place + offset, least
+                    results[i, 3], results[i, 4] = apart * dt, bend
+                for q in range(filters):
+                    over = over and _beneath(echo, levels[q, 3], filter_floors[q], negligible, a_span_behind)
+                if ended and (over or run_out_over):
                     break
                 look, echo = n + window, 0.0
-        peak, offset = _vertex(top_before, top, top_after)
-        results[i, 0], results[i, 1], results[i, 2] = peak, place + offset, least
-        results[i, 3], results[i, 4], results[i, 5] = apart * dt, bend, n
+        results[i, 5] = n
         if not np.isfinite(wheel[0]):
             results[i, 0] = np.nan
         if filters > 0:
@@ -290,7 +304,7 @@ def _follow_in_lanes(departures, filtered, levels, company, j, k, decays, shapes
 @compiled(nogil=True, fastmath=_FAST)
 def peaks_in_lanes(
     items, beginnings, decay, turn, drives, gains, starts, ends, windows, run_outs, smooth, negligible, irregularities,
-    physics, dts, filter_decay, filter_shapes, filter_gains, filter_smooth, results,
+    physics, dts, filter_decay, filter_shapes, filter_gains, filter_smooth, filter_floors, results,
 ):  # fmt: skip
     """`peaks_at_speed` for sixteen speeds at two positions side by side, on the same grid: a lane each.
 
@@ -300,7 +314,7 @@ def peaks_in_lanes(
     (n_company, n_grid, SPEEDS); `windows`, `run_outs` and `dts` (n_company, LANES). Of every pair: `starts` and `ends`
     (n_pair, 2), `irregularities` (n_pair, 2, n). `drives` (n_grid, n_state) serve all. Filters of every company:
     `filter_decay` and `filter_shapes` (n_company, 2, n_filter, n_pole, LANES), `filter_gains`
-    (n_company, n_filter, LANES), `filter_smooth` (n_company, n_filter, n_grid, SPEEDS).
+    and `filter_floors` (n_company, n_filter, LANES), `filter_smooth` (n_company, n_filter, n_grid, SPEEDS).
     `results` (n_item, LANES, 6 + n_end).
     """
     grid, states = drives.shape[0], drives.shape[1]
@@ -314,7 +328,7 @@ def peaks_in_lanes(
     departures = np.empty((_LOOK + 1) * LANES)
     smooth_high, smooth_low = np.empty(SPEEDS), np.empty(SPEEDS)
     rail, found = np.empty(states * LANES), np.empty(11 * LANES)
-    looks, rolling = np.empty(LANES, np.int64), np.empty(LANES, np.bool_)
+    looks, rolling, ended = np.empty(LANES, np.int64), np.empty(LANES, np.bool_), np.empty(LANES, np.bool_)
     zero, one, two, three = splat(0.0), splat(1.0), splat(2.0), splat(3.0)
     one_single, two_single, three_single = single(one), single(two), single(three)
     half, third, tiny = splat(0.5), splat(1.0 / 3.0), single(splat(1e-30))
@@ -334,7 +348,7 @@ def peaks_in_lanes(
         place, apart, bend, echo = zero, zero, zero, zero
         for lane in range(LANES):
             looks[lane] = ends[i, lane // SPEEDS] + windows[company, lane]
-            rolling[lane] = True
+            rolling[lane], ended[lane] = True, False
         left = LANES
         j, k = starts[i, 0] % grid, starts[i, 1] % grid
         for p in range(2 * filters * modes):
@@ -426,16 +440,23 @@ def peaks_in_lanes(
                     continue
                 highest, lowest, heard_there = found[LANES + lane], found[6 * LANES + lane], found[7 * LANES + lane]
                 speed, end = lane % SPEEDS, ends[i, lane // SPEEDS]
+                a_span_behind, run_out_over = n >= end + grid, n >= end + run_outs[company, lane]
                 faded = _faded(
-                    heard_there, highest, lowest, smooth_high[speed], smooth_low[speed], negligible, n >= end + grid
+                    heard_there, highest, lowest, smooth_high[speed], smooth_low[speed], negligible, a_span_behind
                 )
-                if faded or n >= end + run_outs[company, lane]:
-                    rolling[lane] = False
-                    left -= 1
+                if not ended[lane] and (faded or run_out_over):
+                    ended[lane] = True
                     peak, offset = _vertex(found[lane], highest, found[2 * LANES + lane])
                     results[item, lane, 0], results[item, lane, 1] = peak, found[3 * LANES + lane] + offset
                     results[item, lane, 2], results[item, lane, 3] = lowest, found[4 * LANES + lane]
-                    results[item, lane, 4], results[item, lane, 5] = found[5 * LANES + lane], n
+                    results[item, lane, 4] = found[5 * LANES + lane]
+                for q in range(filters):
+                    highest, floor = levels[(5 * q + 3) * LANES + lane], filter_floors[company, q, lane]
+                    faded = faded and _beneath(heard_there, highest, floor, negligible, a_span_behind)
+                if ended[lane] and (faded or run_out_over):
+                    rolling[lane] = False
+                    left -= 1
+                    results[item, lane, 5] = n
                     if not np.isfinite(found[8 * LANES + lane]):
                         results[item, lane, 0] = np.nan
                     if filters > 0:

@@ -189,7 +189,7 @@ class _OneByOne:
             step.drives, step.shapes, step.gains, starts // rolling.stride, weld.ends[columns], speed.window,
             speed.run_out, rolling.smooth_n, _negligible_n(self._roller), weld.irregularity_m[columns],
             self._roller.physics, rolling.dt_s, filters.decay[row], filters.shapes[row], filters.gains[row],
-            filters.smooth_n[row], results,
+            filters.smooth_n[row], filters.floors_n[row], results,
         )  # fmt: skip
         return results
 
@@ -205,6 +205,7 @@ class _FilterLanes(NamedTuple):
     shapes: Real
     gains: Real
     smooth_n: Real
+    floors_n: Real
 
 
 def _columns(filters: LowPass) -> int:
@@ -221,8 +222,14 @@ def _filters_and_lanes(
     roller: Roller, speeds: list[_Paced], cutoffs_hz: tuple[float, ...]
 ) -> tuple[LowPass, _FilterLanes]:
     filters = _filters(roller, speeds, cutoffs_hz)
-    decay, shapes, gains = _lanes([*filters.decay]), _lanes([*filters.shapes]), _lanes([*filters.gains])
-    return filters, _FilterLanes(decay, shapes, gains, _companies([*filters.smooth_n]))
+    lanes = _FilterLanes(
+        _lanes([*filters.decay]),
+        _lanes([*filters.shapes]),
+        _lanes([*filters.gains]),
+        _companies([*filters.smooth_n]),
+        _lanes([*filters.floors_n]),
+    )
+    return filters, lanes
 
 
 def _ended(filters: LowPass, starts: Steps, found: Real) -> Real:

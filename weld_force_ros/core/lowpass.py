@@ -9,9 +9,11 @@ and steps as `weld_force_ros.core.propagation` does: without its newest force an
 u[n+1] = E u[n] + f[n], and y[n] = Re(C u[n]) + g f[n] with C = 2 r (E b + a) and g = Re(sum of 2 r b). Its f is the
 force's departure from the smooth rail's; what the smooth rail leaves of itself is periodic, known, and added.
 
-At 20 Hz the greatest may come when the passage is over. By then the echo is small and swift, and all that a slow filter
-will notice of it is in the wheel: M v' = -f for departures from smooth rail, so that the rest of f amounts to an
-impulse M v with the moment -M w about the end. A state q = (E b + a) u + b f then goes on as (q + M (v + p w)) e^(p t).
+A filter above the wheelset's resonance on the track lets the weld's echo pass: for it a passage goes on until the echo
+can no longer exceed what was seen (`weld_force_ros.core._kernel`). Below, the echo is swift, and all that the filter
+will still notice of it is in the wheel: M v' = -f for departures from smooth rail, so that the rest of f amounts to an
+impulse M v with the moment -M w about the end. A state q = (E b + a) u + b f goes on as (q + M (v + p w)) e^(p t), and
+the greatest may come then, after the passage.
 """
 
 from collections.abc import Sequence
@@ -29,8 +31,8 @@ WHEELSET_HZ = 57.0  # its lowest resonance on the track
 BETWEEN_RESONANCES_HZ = 120.0  # that one and the next, some 250 Hz
 CUTOFFS_HZ = (BETWEEN_RESONANCES_HZ, 20.0)
 ORDER = 4
-_LATER = 16  # times, over _FADING cutoff periods after a passage
-_FADING = 0.8
+_LATER = 16  # times at which to look after a passage
+_FADING = 0.8  # of a cutoff's period: when the last of them is
 
 
 class LowPass(NamedTuple):
@@ -42,9 +44,11 @@ class LowPass(NamedTuple):
         gains: (n_speed, n_filter), g.
         smooth_n: (n_speed, n_filter, n_grid), low-passed force on smooth rail at every step of the span.
         smooth_greatest_n: (n_speed, n_filter), of it.
+        floors_n: (n_speed, n_filter), the level that an echo still rises from, for filters that let it pass: greatest
+            on smooth rail; minus infinity for slow filters, which no passage goes on for.
         smooth_wheel: (n_speed, n_grid, 3), as `Rolling`.
         later: (n_speed, ORDER n_filter + 3, n_filter, n_time), departure after a passage per state u, then per
-            displacement, velocity and force of the wheel.
+            displacement, velocity and force of the wheel; zero where the passage itself goes on for the filter.
         steps: (n_speed, n_filter, n_time), when that is, in steps after the end.
     """
 
@@ -53,6 +57,7 @@ class LowPass(NamedTuple):
     gains: Real
     smooth_n: Real
     smooth_greatest_n: Real
+    floors_n: Real
     smooth_wheel: Real
     later: Real
     steps: NDArray[np.int64]
@@ -68,16 +73,15 @@ def low_pass(rollings: Sequence[Rolling], mass_kg: float, cutoffs_hz: tuple[floa
     smooth_n = _periodic(decay, shapes, gains, np.stack([rolling.smooth_n for rolling in rollings]))
     cutoffs = np.array(cutoffs_hz)[:, None]
     steps = np.rint(_FADING / cutoffs * np.linspace(0.0, 1.0, _LATER) / dt).astype(np.int64)
-    # The echo is not swift for a faster filter, whose own greatest is past when the passage is.
-    swing = np.where(cutoffs < WHEELSET_HZ, 2 * residues, 0.0)[..., None] * np.exp(
-        poles[..., None] * (steps * dt)[:, :, None]
-    )
+    slow = cutoffs < WHEELSET_HZ
+    swing = np.where(slow, 2 * residues, 0.0)[..., None] * np.exp(poles[..., None] * (steps * dt)[:, :, None])
     return LowPass(
         decay=_parts(decay),
         shapes=_parts(shapes),
         gains=gains,
         smooth_n=smooth_n,
         smooth_greatest_n=smooth_n.max(axis=2),
+        floors_n=np.where(slow[:, 0], -np.inf, smooth_n.max(axis=2)),
         smooth_wheel=np.stack([rolling.smooth_wheel for rolling in rollings]),
         later=np.concatenate([_of_states(turn, swing), _of_wheel(poles, new, mass_kg, swing)], axis=1),
         steps=steps,
