@@ -1,0 +1,92 @@
+"""`weld-force report`: a recording or force maps as one page that people read, and on paper."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from weld_force_ros import json_lines
+from weld_force_ros.cli_options import Limits
+from weld_force_ros.errors import InputError
+
+if TYPE_CHECKING:
+    from weld_force_ros.contract import AssessmentSettings
+    from weld_force_ros.report_page.welds import Entry, Grind
+
+Of = Annotated[Path, typer.Argument(metavar="BAG|MAP", help="A bag, or force maps of `simulate --json FILE`.")]
+Out = Annotated[Path, typer.Option("--out", "-o", help="The page (HTML).")]
+Pdf = Annotated[Path | None, typer.Option(help="Also print it, by a Chromium that is installed.")]
+Grinding = Annotated[bool, typer.Option("--grinding", help="Search for the least grinding of what is not accepted.")]
+
+
+def report(of: Of, out: Out, pdf: Pdf = None, limits: Limits = None, grinding: Grinding = False) -> None:
+    """One self-contained page of welds: what to do with each and why; usable offline, on a phone and on paper."""
+    from weld_force_ros import report_page, terminal
+    from weld_force_ros.assess import load_limits
+    from weld_force_ros.report_page.printing import print_pdf
+
+    if pdf is not None:
+        _refuse_without_browser(pdf)
+    entries = _entries(of, load_limits(limits) if limits else None)
+    with terminal.progress() as bar:
+        if grinding:
+            task = bar.add_task("searching for the least grinding", total=len(entries))
+            entries = _with_grinding(entries, lambda: bar.advance(task))
+        rows, details = [], []
+        for number, entry in enumerate(bar.track(entries, description="writing the page"), start=1):
+            rows.append(report_page.row(number, entry))
+            details.append(report_page.detail(entry))
+        html = report_page.page(rows, details, title="Rail welds", about=f"from {of.absolute().name}")
+    with json_lines.writing(out) as file:
+        file.write(html)
+    terminal.say(f"written: {out}, {len(rows)} welds, {len(html.encode()) / 1e6:.1f} MB")
+    if pdf is not None:
+        with terminal.console.status("printing"):
+            print_pdf(out, pdf)
+        terminal.say(f"written: {pdf}")
+
+
+def _entries(of: Path, limits: "AssessmentSettings | None") -> "list[Entry]":
+    from weld_force_ros import terminal
+    from weld_force_ros.assess import load_limits
+    from weld_force_ros.replay import read
+    from weld_force_ros.report_page import welds
+
+    if of.is_file() and of.suffix != ".mcap":
+        return welds.mapped(welds.read_maps(of), limits or load_limits())
+    recording = read(of)
+    if recording.damage:
+        terminal.say(f"{of}: {recording.damage}; reporting what is there")
+    for unreadable in recording.unreadable:
+        terminal.say(f"{of}: left out: {unreadable}")
+    entries = welds.recorded(recording, limits, load_limits())
+    if not entries:
+        raise InputError(f"{of} holds no verdict, force map or rejection", "record with `weld-force up` or `demo`")
+    return entries
+
+
+def _with_grinding(entries: "list[Entry]", on_done: Callable[[], None]) -> "list[Entry]":
+    from weld_force_ros.report_page import welds
+
+    return list(welds.with_grinding(entries, _grinding_advice(), on_done=on_done))
+
+
+def _grinding_advice() -> "Grind":
+    from weld_force_ros.report_page.welds import Grind
+
+    # SEAM: the search for the least grinding, `grinding_advice(profile, settings, limits) -> GrindingAdvice`.
+    try:
+        from weld_force_ros.grinding import grinding_advice  # type: ignore[import-not-found]
+    except ImportError:
+        raise InputError("advice on grinding is not in this version", "leave out --grinding") from None
+    search: Grind = grinding_advice
+    return search
+
+
+def _refuse_without_browser(pdf: Path) -> None:
+    """Before anything is computed, not after."""
+    from weld_force_ros.report_page.printing import BROWSER_VARIABLE, find_browser
+
+    if find_browser() is None:
+        raise InputError(f"no Chromium was found to print {pdf}", f"install one, or name it in {BROWSER_VARIABLE}")

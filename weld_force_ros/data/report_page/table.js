@@ -1,0 +1,181 @@
+// The front table: one row a weld; sorted by any column, filtered by decision and by text.
+
+const ratioOf = (row) => (row.worst ? row.worst.ratio ?? Infinity : -1);
+const byText = (pick) => (a, b) => pick(a).localeCompare(pick(b), "en", {numeric: true});
+const byNumber = (pick) => (a, b) => pick(a) - pick(b);
+
+const COLUMNS = [
+  {id: "n", heading: "No.", compare: byNumber((row) => row.n)},
+  {id: "decision", heading: "Decision",
+    compare: (a, b) => decisionOf(a.decision).order - decisionOf(b.decision).order || ratioOf(b) - ratioOf(a)},
+  {id: "weld", heading: "Weld", compare: byText((row) => row.weld)},
+  {id: "worst", heading: "Worst criterion", falling: true, compare: byNumber(ratioOf)},
+  {id: "peak", heading: "Peak", falling: true, compare: byNumber((row) => row.peak_n ?? -1)},
+  {id: "permitted", heading: "Permitted speed", compare: byNumber((row) => row.permitted_kmh ?? Infinity)},
+  {id: "advice", heading: "What to do", compare: byText((row) => row.advice)},
+];
+
+class FrontTable {
+  constructor(holder, live) {
+    this.rows = new Map();
+    this.lines = new Map();
+    this.decision = null;
+    this.words = [];
+    this.column = live ? COLUMNS[0] : COLUMNS[1];
+    this.falling = live;
+    this.build(holder);
+  }
+
+  build(holder) {
+    this.chips = element("div", {class: "chips", role: "group", "aria-label": "Show only one decision"});
+    this.search = element("input", {id: "search", type: "search", autocomplete: "off", spellcheck: "false"});
+    this.search.addEventListener("input", () => {
+      this.words = this.search.value.toLowerCase().split(/\s+/).filter(Boolean);
+      this.show();
+    });
+    this.order = element("select", {id: "order"}, ...COLUMNS.map((c) => element("option", {value: c.id}, c.heading)));
+    this.order.addEventListener("change", () => this.sortBy(COLUMNS.find((c) => c.id === this.order.value)));
+    this.direction = element("button", {type: "button", class: "button"}, "Reverse");
+    this.direction.addEventListener("click", () => this.sortBy(this.column));
+    this.heads = COLUMNS.map((column) => {
+      const button = element("button", {type: "button"}, column.heading);
+      button.addEventListener("click", () => this.sortBy(column));
+      return element("th", {scope: "col", class: `c-${column.id}`}, button);
+    });
+    this.body = element("tbody");
+    this.count = element("p", {class: "count", role: "status"});
+    holder.replaceChildren(
+      element("h2", {class: "visually-hidden"}, "All welds"),
+      this.chips,
+      element(
+        "div", {class: "tools screen-only"},
+        element("div", {class: "field grow"}, element("label", {for: "search"}, "Find"), this.search),
+        element("div", {class: "field phone-only"}, element("label", {for: "order"}, "Sort by"), this.order),
+        element("div", {class: "field phone-only"}, this.direction),
+        this.count,
+      ),
+      element(
+        "table", {class: "welds"},
+        element("caption", {class: "visually-hidden"}, "Welds with their decisions; headings sort"),
+        element("thead", {}, element("tr", {}, ...this.heads)), this.body,
+      ),
+    );
+  }
+
+  add(rows) {
+    for (const row of rows) {
+      this.rows.set(row.n, row);
+      this.lines.set(row.n, rowLine(row));
+    }
+    this.show();
+  }
+
+  sortBy(column) {
+    this.falling = column === this.column ? !this.falling : Boolean(column.falling);
+    this.column = column;
+    this.show();
+  }
+
+  // The welds as they are shown now, for going from one to the next.
+  shown() {
+    const sign = this.falling ? -1 : 1;
+    return [...this.rows.values()]
+      .filter((row) => !this.decision || row.decision === this.decision)
+      .filter((row) => this.words.every((word) => textOf(row).includes(word)))
+      .sort((a, b) => sign * this.column.compare(a, b) || a.n - b.n);
+  }
+
+  show() {
+    const shown = this.shown();
+    const focused = this.body.contains(document.activeElement) ? document.activeElement : null;
+    this.body.replaceChildren(...shown.map((row) => this.lines.get(row.n)));
+    if (focused?.isConnected) focused.focus({preventScroll: true});
+    this.heads.forEach((head, i) => {
+      if (COLUMNS[i] === this.column) head.setAttribute("aria-sort", this.falling ? "descending" : "ascending");
+      else head.removeAttribute("aria-sort");
+    });
+    this.order.value = this.column.id;
+    this.count.textContent = shown.length === this.rows.size ? "" : `${shown.length} of ${this.rows.size} shown`;
+    this.showChips();
+  }
+
+  showChips() {
+    const counts = new Map();
+    for (const {decision} of this.rows.values()) counts.set(decision, (counts.get(decision) ?? 0) + 1);
+    const had = this.chips.contains(document.activeElement) ? document.activeElement.dataset.decision : null;
+    const known = [...counts.keys()].sort((a, b) => decisionOf(a).order - decisionOf(b).order);
+    this.chips.replaceChildren(...["", ...known].map((decision) => {
+      const label = decision ? badge(decision) : element("span", {class: "badge all"}, "All");
+      const count = element("span", {class: "number"}, String(decision ? counts.get(decision) : this.rows.size));
+      const pressed = (this.decision ?? "") === decision;
+      const chip = element(
+        "button", {type: "button", class: "chip", "aria-pressed": String(pressed), "data-decision": decision}, count, label,
+      );
+      chip.addEventListener("click", () => {
+        this.decision = decision && !pressed ? decision : null;
+        this.show();
+      });
+      return chip;
+    }));
+    if (had !== null) this.chips.querySelector(`[data-decision="${had}"]`)?.focus();
+  }
+
+  focusOn(n) {
+    this.lines.get(n)?.querySelector("a").focus({preventScroll: true});
+  }
+}
+
+function textOf(row) {
+  row.text ??= [
+    row.weld, row.rail, decisionOf(row.decision).label, row.advice, row.worst && criterionName(row.worst.name),
+    row.chainage_m,
+  ].filter((part) => part !== undefined).join(" ").toLowerCase();
+  return row.text;
+}
+
+function rowLine(row) {
+  const cell = (id, ...children) => element("td", {class: `c-${id}`}, ...children);
+  const line = element(
+    "tr", {},
+    cell("n", String(row.n)),
+    cell("decision", badge(row.decision)),
+    element("th", {scope: "row", class: "c-weld"}, element("a", {href: `#weld-${row.n}`}, row.weld), place(row)),
+    cell("worst", ...worstCell(row)),
+    cell("peak", row.peak_n === undefined ? "–" : kilonewtons(row.peak_n)),
+    cell("permitted", ...permittedCell(row)),
+    cell("advice", row.advice),
+  );
+  line.addEventListener("click", (event) => {
+    if (!event.target.closest("a") && !String(window.getSelection())) location.hash = `weld-${row.n}`;
+  });
+  return line;
+}
+
+function place(row) {
+  const parts = [row.rail, row.chainage_m !== undefined && `km ${(row.chainage_m / 1000).toFixed(3)}`].filter(Boolean);
+  return parts.length ? element("span", {class: "small block"}, parts.join(" · ")) : null;
+}
+
+function worstCell({worst}) {
+  if (!worst) return ["–"];
+  return [
+    element("span", {class: "block"}, criterionName(worst.name)),
+    bar(worst.ratio ?? Infinity, worst.passed),
+    element("span", {class: `nowrap ${worst.passed ? "" : "over"}`}, timesLimit(worst.ratio)),
+    worst.verified ? null : element("span", {class: "small block"}, "unverified limit"),
+  ];
+}
+
+// How far a value goes towards its limit, the mark, and beyond.
+function bar(ratio, passed) {
+  const meter = element("span", {class: `meter ${passed ? "within" : "beyond"}`, "aria-hidden": "true"}, element("span"));
+  meter.firstChild.style.width = `${Math.min(100, Math.max(0, ratio) * 50)}%`;
+  return meter;
+}
+
+function permittedCell(row) {
+  if (row.permitted_kmh === undefined) return ["–"];
+  if (row.permitted_kmh === 0) return [element("strong", {class: "over"}, "none")];
+  if (row.permitted_kmh >= row.judged_kmh) return [kmh(row.judged_kmh), element("span", {class: "small block"}, "all speeds judged")];
+  return [element("strong", {}, kmh(row.permitted_kmh)), element("span", {class: "small block"}, `of ${kmh(row.judged_kmh)}`)];
+}

@@ -1,0 +1,330 @@
+// The section of one weld: what to do and why first, then what it rests on.
+
+const ACTIONS = {
+  accept: "Leave this weld as it is.",
+  grind: "Grind this weld.",
+  reject: "Renew this weld.",
+};
+
+const card = (heading, ...children) => element("section", {class: "card"}, heading && element("h3", {}, heading), ...children);
+const chart = (words, size = "") => element("div", {class: `chart ${size}`, role: "img", "aria-label": words});
+
+// Builds the section and returns it with a function that draws its charts once it stands in the page.
+function weldSection(row, content, still) {
+  const tasks = [];
+  const later = (task) => tasks.push(task);
+  const body = content.rejection ? rejectionParts(content) : verdictParts(content, still, later);
+  const heading = element("h2", {tabindex: "-1"}, row.weld);
+  const section = element(
+    "article", {class: "weld"},
+    element("div", {}, heading, element("p", {class: "meta"}, metaOf(row, content))),
+    ...body.filter(Boolean),
+  );
+  return {section, heading, async draw() { for (const task of tasks) await task(); }};
+}
+
+function metaOf(row, {map, verdict}) {
+  const parts = [row.rail, row.chainage_m !== undefined && `km ${(row.chainage_m / 1000).toFixed(3)}`];
+  if (map) {
+    parts.push(map.line_speed_kmh === undefined ? `judged up to ${kmh(verdict.judged_speed_kmh)} (line speed not stated)` : `line speed ${kmh(map.line_speed_kmh)}`);
+    parts.push(map.weld_position_m === undefined ? "place between the sleepers unknown" : `weld ${centimetres(map.weld_position_m)} cm after the sleeper`);
+  }
+  return parts.filter(Boolean).join(" · ");
+}
+
+function rejectionParts({rejection, provenance}) {
+  return [
+    element("section", {class: "card headline"}, badge("unusable"),
+      element("p", {class: "do"}, sentence(rejection.remedy)), element("p", {}, `Because: ${rejection.reason}`)),
+    rejection.raw_text && card("What came in", element("pre", {class: "raw", tabindex: "0", "aria-label": "the text that came in"}, rejection.raw_text), rejection.truncated && element("p", {class: "hint"}, "Cut short.")),
+    provenancePart(provenance, true),
+  ];
+}
+
+function verdictParts(content, still, later) {
+  return [
+    headline(content),
+    facts(content),
+    element("div", {class: "grid"},
+      content.map && mapPart(content, still, later), content.curves && curvePart(content, still, later),
+      content.profile && geometryPart(content, still, later), content.history && historyPart(content, still, later)),
+    positionsPart(content),
+    criteriaPart(content),
+    content.grinding && grindingPart(content),
+    provenancePart(content.provenance, still),
+  ];
+}
+
+const sentence = (text) => (text ? text[0].toUpperCase() + text.slice(1) + (/[.!?]$/.test(text) ? "" : ".") : "");
+
+// --- what to do and why -----------------------------------------------------------------------------------------------
+
+function headline({verdict, grinding, map}) {
+  const until = untilWords(verdict, map);
+  return element(
+    "section", {class: `card headline ${verdict.decision}`, "aria-label": "What to do"},
+    badge(verdict.decision),
+    element("p", {class: "do"}, whatToDo(verdict, grinding)),
+    until && element("p", {class: "until"}, until),
+    element("p", {}, why(verdict)),
+    verdict.criteria.some((c) => !c.verified) && element("p", {}, unverifiedTag(), " Held against limits that nobody has checked against their source."),
+    element("details", {class: "reason", open: verdict.decision === "undecided"}, element("summary", {}, "In the software's words"), element("p", {}, sentence(verdict.reason)),
+      verdict.advice?.length ? element("ul", {}, ...verdict.advice.map((words) => element("li", {}, sentence(words)))) : null),
+  );
+}
+
+function whatToDo(verdict, grinding) {
+  if (verdict.decision === "undecided") return `Not decided yet: ${verdict.measure || verdict.reason}.`;
+  const action = ACTIONS[verdict.decision] ?? sentence(verdict.decision);
+  if (!grinding || verdict.decision === "accept") return action;
+  const removed = quantity(grinding.most_removed_m, "m");
+  if (grinding.reached) {
+    return verdict.decision === "grind" ? `Grind this weld: take off at most ${removed}.` : `Renew this weld, or grind off at most ${removed}.`;
+  }
+  return verdict.decision === "grind" ? "No grinding was found that helps: renew this weld." : `${action} Grinding does not help.`;
+}
+
+function untilWords(verdict, map) {
+  const {permitted_speed_kmh: permitted, judged_speed_kmh: judged, decision} = verdict;
+  if (verdict.advice_step_kmh === undefined && permitted === undefined) return "";
+  const top = map?.line_speed_kmh === undefined ? kmh(judged) : `the line's ${kmh(map.line_speed_kmh)}`;
+  if (permitted === undefined) return "No speed is within the limits on force.";
+  if (permitted >= judged) return decision === "accept" ? `Every speed up to ${top} is within limits.` : `Forces are within limits at every speed up to ${top}.`;
+  return `${decision === "accept" ? "Run" : "Until then, run"} at most ${kmh(permitted)} (judged up to ${kmh(judged)}).`;
+}
+
+const ratioOfCriterion = (c) => c.ratio ?? (c.passed ? 0 : Infinity);
+
+function why({criteria}) {
+  const deciding = criteria.filter((c) => c.decides !== false);
+  const worst = [...deciding].sort((a, b) => ratioOfCriterion(b) - ratioOfCriterion(a))[0];
+  if (!worst) return "";
+  const failed = deciding.filter((c) => !c.passed && c !== worst).map((c) => criterionName(c.name).toLowerCase());
+  const reject = worst.reject_limit !== undefined && worst.value > worst.reject_limit;
+  const limit = reject ? worst.reject_limit : worst.limit;
+  const value = quantity(worst.value, unitOf(worst));
+  const at = worst.speed_kmh === undefined ? "" : ` at ${kmh(worst.speed_kmh)}${worst.position_m === undefined ? "" : ` with the weld ${centimetres(worst.position_m)} cm after a sleeper`}`;
+  if (worst.passed) return `Nearest to its limit: ${criterionName(worst.name).toLowerCase()}, ${value} of ${quantity(limit, unitOf(worst))}${at}.`;
+  const beyond = limit > 0 ? `, ${percent(worst.value / limit - 1)} over its ${reject ? "reject limit" : "limit"} of ${quantity(limit, unitOf(worst))}` : `; its limit is ${quantity(limit, unitOf(worst))}`;
+  return `${criterionName(worst.name)} reaches ${value}${at}${beyond}.${failed.length ? ` Also over the limit: ${failed.join(", ")}.` : ""}`;
+}
+
+function facts({verdict, map}) {
+  const fact = (name, value, more) => element("div", {}, element("dt", {}, name), element("dd", {}, value, more && element("span", {class: "small block"}, more)));
+  const permitted = verdict.permitted_speed_kmh;
+  const said = permitted !== undefined || verdict.advice_step_kmh !== undefined;
+  const {measures} = map ?? {};
+  const riskiest = verdict.criteria.filter((c) => c.exceeding !== undefined && c.decides !== false).sort((a, b) => b.exceeding - a.exceeding)[0];
+  return element(
+    "dl", {class: "facts"},
+    fact("Peak force", kilonewtons(verdict.peak_force_n), [`${(verdict.peak_force_n / verdict.static_load_n).toFixed(2)} × static`, map?.model_error && `model ± ${kilonewtons(map.model_error * (verdict.peak_force_n - verdict.static_load_n))}`].filter(Boolean).join(", ")),
+    fact("Worst at", kmh(verdict.worst_speed_kmh), `weld ${centimetres(verdict.worst_position_m)} cm after the sleeper`),
+    said && fact("Permitted speed", permitted === undefined ? "none" : kmh(permitted), `judged up to ${kmh(verdict.judged_speed_kmh)}`),
+    riskiest && fact("Chance to exceed a limit", percent(riskiest.exceeding), `of ${verdict.samples} samples: ${criterionName(riskiest.name).toLowerCase()}`),
+    measures && fact(measures.kind === "dip" ? "Dip" : "Protrusion", quantity(measures.kind === "dip" ? measures.dip_m : measures.protrusion_m, "m"), `steepest ${number(measures.gradient_rad * 1e3)} mrad`),
+    verdict.curve_class && fact("Force over speed", verdict.curve_class === "hollow" ? "not monotonic" : "rises", verdict.curve_class === "hollow" ? "slower can be worse" : "slower is never worse"),
+  );
+}
+
+// --- charts -----------------------------------------------------------------------------------------------------------
+
+function mapPart({map, verdict}, still, later) {
+  const holder = chart(`Map of peak force over speed and the weld's place; the worst is ${kilonewtons(verdict.peak_force_n)} at ${kmh(verdict.worst_speed_kmh)}. Arrow keys read other cells.`, "high");
+  const readout = element("output", {class: "readout", "aria-live": "polite"});
+  if (!still) holder.setAttribute("tabindex", "0");
+  later(() => drawMap(holder, readout, map, verdict, still));
+  return card("Peak force by speed and place", holder, !still && readout,
+    element("p", {class: "hint"}, `Outlined: hollows, where a lower speed reached more. ✕: worst. Dashed: sleepers.${still ? "" : " Point, tap, or use the arrow keys."}`));
+}
+
+function curvePart(content, still, later) {
+  const {curves, verdict} = content;
+  const worst = [...verdict.criteria].filter((c) => c.decides !== false && curves.series.some((s) => s.name === c.name))
+    .sort((a, b) => ratioOfCriterion(b) - ratioOfCriterion(a))[0];
+  // The force itself is what people know; another criterion only where that one alone is beyond its limit.
+  const first = worst && !worst.passed && verdict.criteria.some((c) => c.name === "peak_force" && c.passed) ? worst.name : "peak_force";
+  const holder = chart("Curve over speed of the worst place, with its limits.");
+  const id = freshId("criterion");
+  const choice = element("select", {id}, ...curves.series.map(({name}) => element("option", {value: name, selected: name === first}, criterionName(name))));
+  let mark = () => {};
+  const redraw = async () => { mark = await drawCurve(holder, content, choice.value, still); };
+  choice.addEventListener("change", redraw);
+  later(redraw);
+  return card(
+    "", element("div", {class: "choice"}, element("h3", {}, "Force against speed"),
+      !still && element("div", {class: "field"}, element("label", {for: id}, "Criterion"), choice)),
+    holder, !still && restrictionPart(content, (speed) => mark(speed)), still && restrictionTable(verdict),
+  );
+}
+
+// --- what would a restriction do? -------------------------------------------------------------------------------------
+
+function restrictionPart({curves, verdict}, onSpeed) {
+  const judged = curves.speeds_kmh.filter((speed) => speed <= verdict.judged_speed_kmh * (1 + 1e-9));
+  if (judged.length < 2) return null;
+  const start = verdict.permitted_speed_kmh ?? judged[Math.floor(judged.length / 2)];
+  const id = freshId("restrict");
+  const slider = element("input", {id, type: "range", min: "0", max: String(judged.length - 1), step: "1", value: String(nearest(judged, start))});
+  const caption = element("label", {for: id});
+  const answer = element("p", {class: "answer", role: "status"});
+  const tell = (byHand) => {
+    const speed = judged[Number(slider.value)];
+    caption.textContent = `What would a restriction to ${kmh(speed)} do?`;
+    slider.setAttribute("aria-valuetext", kmh(speed));
+    answer.replaceChildren(...restrictionWords(curves, judged, Number(slider.value)));
+    if (byHand) onSpeed(speed);
+  };
+  slider.addEventListener("input", () => tell(true));
+  tell(false);
+  return element("div", {class: "restrict"}, caption, slider, answer);
+}
+
+// Criteria that are beyond their limit at one of the first speeds, each with the speeds from and to which it is.
+function beyondUpTo({speeds_kmh: speeds, series}, count) {
+  return series.filter(({within}) => within[count - 1] === "0").map(({name, values, limits}) => {
+    const {limit} = limits.find((one) => one.decides !== false && holdsAt(one, speeds[count - 1]));
+    const over = speeds.slice(0, count).filter((_, i) => values[i] >= limit);
+    return {name, from: over[0] ?? speeds[count - 1], to: over.at(-1) ?? speeds[count - 1]};
+  });
+}
+
+// Trains at the restricted speed, and the worst of all that may run then: force is not monotonic in speed.
+function restrictionWords(curves, judged, index) {
+  const peaks = curves.series.find(({name}) => name === "peak_force").values.slice(0, judged.length);
+  const [speed, top] = [kmh(judged[index]), kmh(judged.at(-1))];
+  const worst = Math.max(...peaks.slice(0, index + 1));
+  const beyond = beyondUpTo(curves, index + 1).map(({name, from, to}) =>
+    `${criterionName(name).toLowerCase()} at ${from === to ? "" : `${number(from, 4)} to `}${kmh(to)}`);
+  return [
+    element("span", {class: beyond.length ? "big over" : "big"}, beyond.length ? "✕ Still beyond limits" : `✓ Within limits at every speed up to ${speed}`),
+    element("span", {class: "block"}, beyond.join(", ")),
+    element("span", {class: "block"}, `Trains at ${speed}: ${kilonewtons(peaks[index])}`, ...changeWords(peaks[index] / peaks.at(-1) - 1, `than at ${top}`)),
+    element("span", {class: "block"}, `Worst of all speeds up to ${speed}: ${kilonewtons(worst)}`, ...changeWords(worst / Math.max(...peaks) - 1, "than without it")),
+  ];
+}
+
+function changeWords(change, than) {
+  if (Math.abs(change) < 5e-4) return [];
+  return [", ", element("strong", {}, `${percent(change)} ${change > 0 ? "MORE" : "less"}`), ` ${than}`];
+}
+
+function restrictionTable({restrictions}) {
+  if (!restrictions?.length) return null;
+  return element("p", {class: "hint"}, "Restricted to: " + restrictions.slice(1, 9).map((r) =>
+    `${number(r.speed_kmh, 4)} km/h ${r.change > 0 ? "+" : "−"}${percent(Math.abs(r.change))}${r.within_limits ? " (within limits)" : ""}`).join(", "));
+}
+
+function geometryPart(content, still, later) {
+  const holder = chart("Height of the rail over the weld, and the wheel centre's path.", "low");
+  later(() => drawGeometry(holder, content, still));
+  return card("Geometry", holder);
+}
+
+function historyPart(content, still, later) {
+  const {history} = content;
+  const holder = chart("Contact force along the track in the worst passage.", "low");
+  later(() => drawHistory(holder, content, still));
+  return card(`Worst passage: ${kmh(history.speed_kmh)}, weld ${centimetres(history.position_m)} cm after the sleeper`, holder);
+}
+
+// --- decision by place ------------------------------------------------------------------------------------------------
+
+// Neighbouring positions of one decision: [decision, from, to] in metres.
+function stretches(outcomes, span) {
+  const edges = edgesOf(outcomes.map((o) => o.position_m)).map((x) => Math.min(span, Math.max(0, x)));
+  const found = [];
+  outcomes.forEach(({decision}, i) => {
+    const last = found.at(-1);
+    if (last?.[0] === decision) last[2] = edges[i + 1];
+    else found.push([decision, edges[i], edges[i + 1]]);
+  });
+  // What lies just before the next sleeper belongs to the first position again.
+  if (outcomes.length > 1 && span - edges.at(-1) > 1e-6) {
+    const [decision] = [outcomes[0].decision];
+    if (found.at(-1)[0] === decision) found.at(-1)[2] = span;
+    else found.push([decision, edges.at(-1), span]);
+  }
+  return found;
+}
+
+function positionsPart({verdict, map}) {
+  const outcomes = verdict.by_position ?? [];
+  if (!outcomes.length || !map) return null;
+  const runs = stretches(outcomes, map.span_m);
+  const parts = runs.map(([decision, from, to]) => {
+    const part = element("span", {class: decision}, to - from > 0.16 * map.span_m ? `${decisionOf(decision).sign} ${decisionOf(decision).label}` : decisionOf(decision).sign);
+    part.style.flex = `${(100 * (to - from)) / map.span_m} 1 0`;
+    return part;
+  });
+  const words = runs.length === 1
+    ? `${decisionOf(runs[0][0]).label} wherever the weld lies between the sleepers.`
+    : runs.map(([decision, from, to]) => `${decisionOf(decision).label} at ${centimetres(from)} to ${centimetres(to)} cm`).join(" · ");
+  return card("Decision by where the weld lies between the sleepers",
+    element("div", {class: "strip", "aria-hidden": "true"}, ...parts),
+    element("p", {class: "ends", "aria-hidden": "true"}, element("span", {}, "▮ sleeper, 0 cm"), element("span", {}, `next sleeper, ${centimetres(map.span_m)} cm ▮`)),
+    element("p", {}, words));
+}
+
+// --- criteria ---------------------------------------------------------------------------------------------------------
+
+function criteriaPart({verdict}) {
+  const sampled = verdict.criteria.some((c) => c.exceeding !== undefined);
+  const headings = ["Criterion", "Value", "Limit", "Margin", "Where", ...(sampled ? ["Chance to exceed"] : []), "Why and by which source"];
+  const table = element(
+    "table", {class: "criteria"}, element("caption", {class: "visually-hidden"}, "Criteria with their limits"),
+    element("thead", {}, element("tr", {}, ...headings.map((heading) => element("th", {scope: "col"}, heading)))),
+    element("tbody", {}, ...[...verdict.criteria].map((c) => criterionLine(c, sampled))),
+  );
+  const part = card("Criteria", element("div", {class: "scroll"}, table),
+    verdict.unjudged?.length ? element("p", {}, element("strong", {}, "Not judged: "), `${verdict.unjudged.map(criterionName).join(", ")} (not computed).`) : null);
+  part.classList.add("long");
+  return part;
+}
+
+function criterionLine(c, sampled) {
+  const cell = (name, ...children) => element("td", {"data-label": name}, element("div", {}, ...children));
+  const margin = c.margin ?? c.limit - c.value;
+  const state = c.passed ? ["ok", "✓ within"] : c.reject_limit !== undefined && c.value > c.reject_limit ? ["over", "✕ beyond reject limit"] : ["over", "✕ over limit"];
+  return element(
+    "tr", {class: !c.passed && c.decides !== false ? "failed" : ""},
+    element("th", {scope: "row"}, criterionName(c.name), element("span", {class: `tag block ${state[0]}`}, state[1]),
+      c.decides === false && element("span", {class: "tag block aside"}, "shown, does not decide")),
+    cell("Value", element("strong", {class: "nowrap"}, quantity(c.value, unitOf(c))), element("span", {class: "block"}, bar(ratioOfCriterion(c), c.passed)), element("span", {class: "small nowrap"}, timesLimit(c.ratio))),
+    cell("Limit", element("span", {class: "nowrap"}, quantity(c.limit, unitOf(c))), c.reject_limit !== undefined && element("span", {class: "small block"}, `reject above ${quantity(c.reject_limit, unitOf(c))}`)),
+    cell("Margin", element("span", {class: margin < 0 ? "over nowrap" : "nowrap"}, quantity(margin, unitOf(c)))),
+    cell("Where", ...whereOf(c)),
+    sampled && element("td", {class: "c-chance", "data-label": "Chance to exceed"}, element("div", {}, ...chanceOf(c))),
+    element("td", {class: "c-why"}, c.applies && element("span", {class: "block"}, sentence(c.applies)), c.verified ? element("span", {class: "ok"}, "verified: ") : element("span", {}, unverifiedTag(), " "), element("span", {class: "small"}, c.source)),
+  );
+}
+
+function whereOf(c) {
+  if (c.speed_kmh === undefined) return [GEOMETRY.includes(c.name) ? "geometry" : "–"];
+  return [element("span", {class: "nowrap"}, kmh(c.speed_kmh)), c.position_m !== undefined && element("span", {class: "small block"}, `weld at ${centimetres(c.position_m)} cm`), c.x_m !== undefined && element("span", {class: "small block"}, `wheel at ${centimetres(c.x_m)} cm`)];
+}
+
+function chanceOf(c) {
+  if (c.exceeding === undefined) return ["–"];
+  return [
+    element("strong", {}, percent(c.exceeding)),
+    c.exceeding_reject ? element("span", {class: "small block"}, `${percent(c.exceeding_reject)} to reject`) : null,
+    c.driver !== undefined && element("span", {class: "small block"}, `most by ${c.driver}${c.driver_share === undefined ? "" : ` (${percent(c.driver_share)} of variance)`}`),
+  ];
+}
+
+// --- grinding and where it all comes from -----------------------------------------------------------------------------
+
+function grindingPart({grinding: g}) {
+  const changed = g.after.map((c) => [criterionName(c.name), quantity(c.value, unitOf(c)), c.passed ? "✓ within" : "✕ over limit"]);
+  return card("Grinding",
+    element("p", {}, element("strong", {}, g.reached ? `Take off at most ${quantity(g.most_removed_m, "m")}${g.from_m === undefined ? "" : `, from ${number(g.from_m * 1e3)} to ${number(g.to_m * 1e3)} mm from the weld's centre`}.` : "No removal of metal was found that brings this weld within its limits."), ` ${sentence(g.reason)}`),
+    element("p", {}, "Before ", badge(g.decision_before), " after ", badge(g.decision_after)),
+    changed.length ? element("div", {class: "changes"}, ...changed.flat().map((text) => element("span", {}, text))) : null,
+    element("p", {class: "hint"}, `Waves longer than ${quantity(g.band_limit_m, "m")}, hollows no sharper than a stone of radius ${number(g.stone_radius_m)} m. ` +
+      (g.reference_checked ? `Rolled again by the reference engine: ${g.reference_within} of ${g.reference_checked} passages within limits${g.reference_peak_n === undefined ? "" : `, peak ${kilonewtons(g.reference_peak_n)}`}.` : "Not rolled again by the reference engine.")));
+}
+
+function provenancePart(provenance, open) {
+  return element("details", {class: "card long", open}, element("summary", {}, "Where this comes from"),
+    element("dl", {class: "provenance"}, ...provenance.flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, value)])));
+}

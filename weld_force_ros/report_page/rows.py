@@ -1,0 +1,92 @@
+"""The front table's row of a weld: what to do, and the one number that says why."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from msgspec import UNSET
+
+from weld_force_ros.contract import Criterion, GrindingAdvice, Verdict
+from weld_force_ros.report_page.numbers import known, significant
+from weld_force_ros.report_page.welds import Entry, Weld
+
+_LONGEST_LINE = 200
+
+
+def row(number: int, entry: Entry) -> dict[str, Any]:
+    """The row of a weld or a rejection, as what JSON can hold.
+
+    Args:
+        number: by which the page knows it, from 1 on.
+        entry: a weld, or an input that could not be used.
+    """
+    if not isinstance(entry, Weld):
+        refused = entry.rejection
+        return {"n": number, "weld": refused.source, "decision": "unusable",
+                "advice": _one_line(f"{refused.reason}: {refused.remedy}")}  # fmt: skip
+    verdict = entry.verdict
+    content = {
+        "n": number,
+        "weld": verdict.weld_id,
+        "decision": verdict.decision,
+        "worst": _worst(verdict.criteria),
+        "peak_n": significant(verdict.peak_force_n),
+        "judged_kmh": verdict.judged_speed_kmh,
+        "permitted_kmh": _permitted_kmh(verdict),
+        "advice": _one_line(_advice(verdict, entry.grinding)),
+        "rail": known(verdict.rail),
+        "chainage_m": known(verdict.chainage_m),
+        "unverified": sum(not c.verified for c in verdict.criteria),
+        "criteria": len(verdict.criteria),
+    }
+    return {name: value for name, value in content.items() if value is not None}
+
+
+def ratio(criterion: Criterion) -> float:
+    """Value over limit; beyond a limit of zero it is infinite."""
+    if criterion.limit > 0:
+        return criterion.value / criterion.limit
+    return 0.0 if criterion.passed else float("inf")
+
+
+def _worst(criteria: Sequence[Criterion]) -> dict[str, Any]:
+    """The criterion nearest to its limit or farthest beyond it, of those that the decision hangs on."""
+    worst = max([c for c in criteria if c.decides] or criteria, key=ratio)
+    share = ratio(worst)
+    return {"name": worst.name, "ratio": significant(share, 3) if share != float("inf") else None,
+            "passed": worst.passed, "verified": worst.verified}  # fmt: skip
+
+
+def _permitted_kmh(verdict: Verdict) -> float | None:
+    """0 if no speed is within limits, None if nothing was said about speed."""
+    if verdict.permitted_speed_kmh is not UNSET:
+        return known(verdict.permitted_speed_kmh)
+    return 0.0 if verdict.advice_step_kmh is not UNSET else None
+
+
+def _advice(verdict: Verdict, grinding: GrindingAdvice | None) -> str:
+    match verdict.decision:
+        case "accept":
+            return "Leave it as it is"
+        case "undecided":
+            return f"Not decided: {what_to_measure(verdict.reason)}"
+    if grinding is not None and grinding.reached:
+        return _until(f"Grind off up to {grinding.most_removed_m * 1e3:.2f} mm", verdict)
+    return _until("Grind" if verdict.decision == "grind" else "Renew the weld", verdict)
+
+
+def _until(what: str, verdict: Verdict) -> str:
+    permitted = _permitted_kmh(verdict)
+    if permitted is None or permitted >= verdict.judged_speed_kmh:
+        return what
+    return f"{what}; until then at most {permitted:g} km/h" if permitted else f"{what}; no speed is within limits"
+
+
+def what_to_measure(reason: str) -> str:
+    """The part of an undecided verdict's reason that says what is missing."""
+    last = reason.rpartition("; ")[2]
+    return last[last.index("measure ") :] if "measure " in last else last
+
+
+def _one_line(text: str) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= _LONGEST_LINE else line[:_LONGEST_LINE] + "…"

@@ -1,0 +1,126 @@
+"""What the report is about: welds with all that is known of them, gathered from a recording or from force maps."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from weld_force_ros.assess import judge
+from weld_force_ros.contract import (
+    AssessmentSettings,
+    ForceHistory,
+    ForceMap,
+    GrindingAdvice,
+    Rejection,
+    SimulationSettings,
+    Verdict,
+    WeldProfile,
+    decode,
+)
+from weld_force_ros.errors import InputError, MessageError
+from weld_force_ros.replay import Recording
+
+Grind = Callable[[WeldProfile, SimulationSettings, AssessmentSettings], GrindingAdvice]
+
+
+@dataclass(frozen=True)
+class Weld:
+    """A verdict and what it rests on, as far as that is known."""
+
+    verdict: Verdict
+    force_map: ForceMap | None = None
+    profile: WeldProfile | None = None
+    history: ForceHistory | None = None
+    settings: SimulationSettings | None = None
+    limits: AssessmentSettings | None = None
+    grinding: GrindingAdvice | None = None
+
+
+@dataclass(frozen=True)
+class Unusable:
+    """An input that ended in a rejection."""
+
+    rejection: Rejection
+
+
+Entry = Weld | Unusable
+
+
+def recorded(recording: Recording, limits: AssessmentSettings | None, fallback: AssessmentSettings) -> list[Entry]:
+    """The welds of a recording in the order judged, then its rejections.
+
+    Args:
+        recording: of the suite.
+        limits: to judge every map anew with; None leaves recorded verdicts as they are.
+        fallback: to judge maps with that have no verdict, where the recording holds no limits.
+    """
+    maps = {(m.weld_id, m.profile_sha256, m.config_sha256): m for m in recording.force_maps}
+    histories = {(h.weld_id, h.profile_sha256, h.config_sha256): h for h in recording.histories}
+    last_limits = next(reversed(recording.limits.values()), fallback)
+
+    def weld(verdict: Verdict, by: AssessmentSettings | None) -> Weld:
+        key = (verdict.weld_id, verdict.profile_sha256, verdict.config_sha256)
+        return Weld(
+            verdict=verdict,
+            force_map=maps.get(key),
+            profile=recording.profiles.get(key[:2]),
+            history=histories.get(key),
+            settings=recording.settings.get(verdict.config_sha256),
+            limits=by,
+        )
+
+    entries: list[Entry] = []
+    if limits is None:
+        entries += [weld(v, recording.limits.get(v.limits_sha256)) for v in recording.verdicts]
+    judged = {(v.weld_id, v.profile_sha256, v.config_sha256) for v in recording.verdicts} if limits is None else set()
+    by = limits or last_limits
+    entries += [weld(judge(m, by), by) for key, m in maps.items() if key not in judged]
+    return entries + [Unusable(r) for r in recording.rejections]
+
+
+def read_maps(path: Path) -> list[ForceMap]:
+    """Force maps from JSON lines, as `weld-force simulate --json FILE` writes them.
+
+    Raises:
+        InputError: not readable, or a line is no force map.
+    """
+    try:
+        lines = path.read_bytes().splitlines()
+    except OSError as error:
+        raise InputError(
+            f"{path}: {error.strerror or error}", "name a bag, or a file of `weld-force simulate --json FILE`"
+        ) from None
+    maps = []
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        try:
+            maps.append(decode(ForceMap, line))
+        except MessageError as error:
+            raise InputError(
+                f"{path}, line {number}: {error.reason}", "name a bag, or a file of `weld-force simulate --json FILE`"
+            ) from None
+    if not maps:
+        raise InputError(f"{path} holds no force map", "write one with `weld-force simulate PROFILE --json FILE`")
+    return maps
+
+
+def mapped(maps: Sequence[ForceMap], limits: AssessmentSettings) -> list[Entry]:
+    """Welds of which only the force map is known, judged now."""
+    return [Weld(verdict=judge(m, limits), force_map=m, limits=limits) for m in maps]
+
+
+def with_grinding(entries: Sequence[Entry], grind: Grind, *, on_done: Callable[[], None]) -> Iterator[Entry]:
+    """The same entries, with advice on grinding for every weld that is not accepted and whose geometry is known.
+
+    Args:
+        entries: of a recording.
+        grind: finds the least grinding that brings a weld within limits.
+        on_done: called after each entry.
+    """
+    for entry in entries:
+        if isinstance(entry, Weld) and entry.verdict.decision != "accept":
+            profile, settings, limits = entry.profile, entry.settings, entry.limits
+            if profile is not None and settings is not None and limits is not None:
+                entry = replace(entry, grinding=grind(profile, settings, limits))
+        yield entry
+        on_done()
