@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast, get_args
 import msgspec
 import typer
 
-from weld_force_ros import cli_bag, cli_nodes, cli_replay, cli_report, cli_study, json_lines
+from weld_force_ros import cli_bag, cli_nodes, cli_replay, cli_report, cli_show, cli_study, json_lines
 from weld_force_ros.cli_options import (
     EngineName,
     Hertz,
@@ -57,6 +57,7 @@ app.command()(cli_nodes.up)
 app.command(context_settings={"ignore_unknown_options": True, "allow_extra_args": True})(cli_nodes.node)
 app.command()(cli_replay.replay)
 app.command()(cli_report.report)
+app.command()(cli_show.show)
 
 
 @app.command()

@@ -10,7 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 from rich.table import Table as Grid
 from rich.text import Text
 
-from weld_force_ros.contract import ForceMap, Limit, Rejection, Verdict
+from weld_force_ros.contract import Decision, ForceMap, Limit, Rejection, Verdict
 from weld_force_ros.studies.tables import Table
 
 if TYPE_CHECKING:
@@ -19,12 +19,17 @@ if TYPE_CHECKING:
 # Piped into a file, tables keep a width that people can read.
 console = Console(stderr=True, highlight=False, width=None if sys.stderr.isatty() else 120)
 
-_COLOURS = {"accept": "green", "grind": "yellow", "reject": "red"}
+_COLOURS = {"accept": "green", "grind": "yellow", "reject": "red", "undecided": "blue"}
+
+
+def plain(text: str) -> str:
+    """Text without what a terminal would obey: control characters, changes of direction."""
+    return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
 
 
 def say(text: str) -> None:
     """One plain line; nothing in it is taken for markup."""
-    console.print(Text(text), soft_wrap=True)
+    console.print(Text(plain(text)), soft_wrap=True)
 
 
 def progress() -> Progress:
@@ -43,12 +48,12 @@ def progress() -> Progress:
 
 def table(title: str, columns: Iterable[tuple[str, str]], rows: Iterable[Iterable[str | Text]]) -> None:
     """Print a table; each column is its heading and its alignment."""
-    console.print(Text(title, style="bold"))
+    console.print(Text(plain(title), style="bold"))
     grid = Grid()
     for heading, alignment in columns:
-        grid.add_column(heading, justify="right" if alignment == "right" else "left")
+        grid.add_column(heading, justify="right" if alignment == "right" else "left", overflow="fold")
     for row in rows:
-        grid.add_row(*(cell if isinstance(cell, Text) else Text(cell) for cell in row))
+        grid.add_row(*(cell if isinstance(cell, Text) else Text(plain(cell)) for cell in row))
     console.print(grid)
 
 
@@ -105,7 +110,7 @@ def show_verdicts(verdicts: Iterable[Verdict], rejections: Iterable[Rejection] =
         failed = ", ".join(c.name for c in verdict.criteria if not c.passed)
         rows.append(
             (
-                _decision(verdict),
+                decision(verdict.decision),
                 verdict.weld_id,
                 f"{verdict.peak_force_n / 1e3:.0f}",
                 f"{verdict.peak_force_n / verdict.static_load_n:.2f}",
@@ -115,7 +120,7 @@ def show_verdicts(verdicts: Iterable[Verdict], rejections: Iterable[Rejection] =
             )
         )
     for rejection in rejections:
-        cells = (Text("UNUSABLE", style="bold magenta"), rejection.source, "", "", "", "")
+        cells = (unusable(), rejection.source, "", "", "", "")
         rows.append((*cells, f"{rejection.reason}: {rejection.remedy}"))
     table(
         "Verdicts",
@@ -139,7 +144,7 @@ def show_changed(title: str, changed: Iterable["Changed"]) -> None:
             (
                 Text("CHANGED" if one.decision_changed else "", style="bold"),
                 name,
-                _decisions(was, now) if one.decision_changed else _decision(now),
+                _decisions(was, now) if one.decision_changed else decision(now.decision),
                 f"{was.peak_force_n / 1e3:.0f} → {now.peak_force_n / 1e3:.0f}",
                 f"{one.peak_force_change_percent:+.1f}",
                 f"{was.worst_speed_kmh:g} → {now.worst_speed_kmh:g}",
@@ -164,12 +169,18 @@ def _numbered(changed: list["Changed"]) -> Iterator[tuple[str, "Changed"]]:
         yield one.weld_id + (f" ({so_far[one.weld_id]})" if verdicts_on[one.weld_id] > 1 else ""), one
 
 
-def _decision(verdict: Verdict) -> Text:
-    return Text(verdict.decision.upper(), style=f"bold {_COLOURS[verdict.decision]}")
+def decision(of: Decision) -> Text:
+    """A decision as it stands in tables."""
+    return Text(of.upper(), style=f"bold {_COLOURS[of]}")
+
+
+def unusable() -> Text:
+    """What stands in tables for an input that could not be used."""
+    return Text("UNUSABLE", style="bold magenta")
 
 
 def _decisions(was: Verdict, now: Verdict) -> Text:
-    return Text.assemble(_decision(was), " → ", _decision(now))
+    return Text.assemble(decision(was.decision), " → ", decision(now.decision))
 
 
 def show_limits(limits: Iterable[Limit]) -> None:

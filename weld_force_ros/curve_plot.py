@@ -1,0 +1,63 @@
+"""A weld's force-speed curve as text, for a terminal."""
+
+import itertools
+import math
+
+import plotext
+
+from weld_force_ros.contract import ForceMap, SpeedCurve, Verdict
+from weld_force_ros.core.verdict import judged_part
+
+_HEIGHT = 18
+_MOST_TICKS = 8
+_ASCII = str.maketrans("─│┌┐└┘├┤┬┴┼╌╎┄┆┈┊", "-|+++++++++-|-|-|")
+
+
+def curve_plot(force_map: ForceMap, verdict: Verdict, *, width: int, unicode: bool) -> str:
+    """Greatest peak over the positions that count, in kN over km/h, with the static load and the peak's limit.
+
+    Args:
+        force_map: of one weld.
+        verdict: on it.
+        width: in characters.
+        unicode: whether more than ASCII can be shown.
+    """
+    speeds, peaks = _worst_over_positions(force_map)
+    lines = {"static": force_map.static_load_n / 1e3}
+    lines.update(("limit", c.limit / 1e3) for c in verdict.criteria if c.name == "peak_force")
+    low, high = min(*peaks, *lines.values()), max(*peaks, *lines.values())
+    room = 0.05 * (high - low or high)
+    plotext.terminal.limit(False, False)
+    figure = plotext.figure
+    figure.clear()
+    figure.theme("colorless")
+    figure.legend(False)
+    figure.plot_size(width, _HEIGHT)
+    figure.title("greatest peak force over all positions that count, kN over km/h")
+    for side in ("left", "right"):
+        figure.ruler("y", side).lim(low - room, high + room)
+    figure.ruler("y", "left").ticks(*_ticks(low, high))
+    figure.ruler("x").ticks(*_ticks(speeds[0], speeds[-1]))
+    figure.ruler("y", "right").ticks(list(lines.values()), list(lines))
+    for name, value in lines.items():
+        figure.line(value, style="dotted" if name == "static" else "default")
+    figure.draw(figure.signal(speeds, peaks, marker="braille" if unicode else "*").lines(True))
+    drawn = figure.build().string(colorless=True)
+    return "\n".join(line.rstrip() for line in (drawn if unicode else drawn.translate(_ASCII)).splitlines())
+
+
+def _worst_over_positions(force_map: ForceMap) -> tuple[list[float], list[float]]:
+    """Speeds in km/h, and the greatest peak in kN at each: from the curve, or as fine as the map where it has none."""
+    if isinstance(force_map.curve, SpeedCurve):
+        return force_map.curve.speeds_kmh, [peak / 1e3 for peak in force_map.curve.peak_force_n]
+    judged = judged_part(force_map)
+    return judged.speeds_kmh.tolist(), (judged.passages.peak_n.max(axis=1) / 1e3).tolist()
+
+
+def _ticks(low: float, high: float) -> tuple[list[float], list[str]]:
+    """Round numbers from `low` to `high`, not too many, and how they are written."""
+    smallest = math.floor(math.log10(high - low or 1.0)) - 1
+    steps = (digit * 10.0**power for power in itertools.count(smallest) for digit in (1, 2, 5))
+    step = next(step for step in steps if (high - low) / step <= _MOST_TICKS)
+    ticks = [step * count for count in range(math.ceil(low / step), math.floor(high / step) + 1)]
+    return ticks, [f"{tick:g}" for tick in ticks]
