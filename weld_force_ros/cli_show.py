@@ -81,23 +81,17 @@ def _last_of(name: str, welds: "Sequence[Weld]", bag: Path) -> "Weld":
 
 def _severity(entry: "Entry") -> tuple[int, float]:
     from weld_force_ros.report_page import Weld
-    from weld_force_ros.report_page.rows import ratio
+    from weld_force_ros.report_page.rows import ratio, worst
 
     if not isinstance(entry, Weld):
         return _WORST_FIRST.index("unusable"), 0.0
-    return _WORST_FIRST.index(entry.verdict.decision), -ratio(_worst(entry.verdict))
-
-
-def _worst(verdict: "Verdict") -> "Criterion":
-    """The criterion nearest to its limit or farthest beyond it, of those that the decision hangs on."""
-    from weld_force_ros.report_page.rows import ratio
-
-    return max([c for c in verdict.criteria if c.decides] or verdict.criteria, key=ratio)
+    return _WORST_FIRST.index(entry.verdict.decision), -ratio(worst(entry.verdict.criteria))
 
 
 def _front_rows(entries: "Sequence[Entry]", restrict: float | None) -> "Iterator[tuple[str | Text, ...]]":
     from weld_force_ros import terminal
     from weld_force_ros.report_page import Weld, row
+    from weld_force_ros.report_page.rows import worst
 
     for number, entry in enumerate(entries, start=1):
         about = row(number, entry)
@@ -109,7 +103,7 @@ def _front_rows(entries: "Sequence[Entry]", restrict: float | None) -> "Iterator
         yield (
             terminal.decision(verdict.decision),
             verdict.weld_id,
-            _held_against(_worst(verdict)),
+            _held_against(worst(verdict.criteria)),
             "?" if permitted is None else f"{permitted:g}" if permitted else "none",
             advice if restrict is None else _restricted(entry, restrict),
         )

@@ -103,6 +103,23 @@ def test_every_file_has_one_outcome_and_the_bag_holds_all(domain_id: int, folder
     assert len(set(ends)) == 30
     assert [v.weld_id for v in contract_messages(messages, Verdict)] == [v.weld_id for v in outcomes.of(Verdict)]
     assert [w.wrench.force.z for w in messages["/peak_force"]] == [v.peak_force_n for v in outcomes.of(Verdict)]
+    assert [plotted(array)["weld/peak_force_n"] for array in messages["/criteria"]] == [
+        v.peak_force_n for v in outcomes.of(Verdict)
+    ]
+
+
+def plotted(array: Any) -> dict[str, float | str]:
+    """What PlotJuggler makes of a DiagnosticArray (`ParserROS::parseDiagnosticMsg`): names of series and values."""
+    found: dict[str, float | str] = {}
+    for status in array.status:
+        prefix = f"{status.hardware_id}/{status.name}" if status.hardware_id else status.name
+        found |= {f"{prefix}/level": float(ord(status.level)) if isinstance(status.level, bytes) else status.level}
+        for pair in status.values:
+            try:
+                found[f"{prefix}/{pair.key}"] = float(pair.value)
+            except ValueError:
+                found[f"{prefix}/{pair.key}"] = pair.value
+    return found
 
 
 def test_real_simulation_from_file_to_recorded_verdict(domain_id: int, folder: Path, tmp_path: Path) -> None:
@@ -122,17 +139,26 @@ def test_real_simulation_from_file_to_recorded_verdict(domain_id: int, folder: P
     assert verdict.peak_force_n == max(force_map.peak_force_n) > 1.1 * force_map.static_load_n
 
 
-def test_verdict_names_the_worst_passage_and_has_a_typed_twin(domain_id: int, probe: Probe) -> None:
+def test_verdict_names_the_worst_passage_and_has_typed_twins(domain_id: int, probe: Probe) -> None:
     outcomes, wrenches = Outcomes(), probe.collect("peak_force", WrenchStamped, qos.PLOT)
+    arrays = probe.collect("criteria", DiagnosticArray, qos.PLOT)
     with running(outcomes, ("simulator", "assessment")):
         probe.publish("weld_profile", encode(profile("known", 500.0)).decode())
         (verdict,) = outcomes.wait(1)
-        (wrench,) = wrenches.wait(1)
+        (wrench,), (array,) = wrenches.wait(1), arrays.wait(1)
     expected = 50e3 + 1e3 * (0.5 + 120.0 + 0.30)  # 0.5 mm, 120 km/h, 0.30 m, by the formula of QuickSimulator
     assert verdict.peak_force_n == pytest.approx(expected)
     assert (verdict.worst_speed_kmh, verdict.worst_position_m) == (120.0, 0.30)
     assert wrench.wrench.force.z == pytest.approx(expected)
     assert wrench.header.frame_id == "rail"
+    numbers = plotted(array)
+    assert (numbers["weld/weld_id"], numbers["weld/decision"]) == ("known", verdict.decision)
+    assert numbers["weld/peak_force_n"] == numbers["weld/peak_force/value"] == verdict.peak_force_n
+    for criterion in verdict.criteria:
+        assert numbers[f"weld/{criterion.name}/value"] == criterion.value
+        assert numbers[f"weld/{criterion.name}/limit"] == criterion.limit
+        if criterion.limit:
+            assert numbers[f"weld/{criterion.name}/ratio"] == criterion.value / criterion.limit
 
 
 def test_late_simulator_gets_every_profile(domain_id: int, folder: Path) -> None:

@@ -28,10 +28,10 @@ def row(number: int, entry: Entry) -> dict[str, Any]:
         "n": number,
         "weld": verdict.weld_id,
         "decision": verdict.decision,
-        "worst": _worst(verdict.criteria),
+        "worst": _held(worst(verdict.criteria)),
         "peak_n": significant(verdict.peak_force_n),
         "judged_kmh": verdict.judged_speed_kmh,
-        "permitted_kmh": _permitted_kmh(verdict),
+        "permitted_kmh": permitted_kmh(verdict),
         "advice": _one_line(_advice(verdict, entry.grinding)),
         "rail": known(verdict.rail),
         "chainage_m": known(verdict.chainage_m),
@@ -48,15 +48,18 @@ def ratio(criterion: Criterion) -> float:
     return 0.0 if criterion.passed else float("inf")
 
 
-def _worst(criteria: Sequence[Criterion]) -> dict[str, Any]:
+def worst(criteria: Sequence[Criterion]) -> Criterion:
     """The criterion nearest to its limit or farthest beyond it, of those that the decision hangs on."""
-    worst = max([c for c in criteria if c.decides] or criteria, key=ratio)
-    share = ratio(worst)
-    return {"name": worst.name, "ratio": significant(share, 3) if share != float("inf") else None,
-            "passed": worst.passed, "verified": worst.verified}  # fmt: skip
+    return max([c for c in criteria if c.decides] or criteria, key=ratio)
 
 
-def _permitted_kmh(verdict: Verdict) -> float | None:
+def _held(criterion: Criterion) -> dict[str, Any]:
+    share = ratio(criterion)
+    return {"name": criterion.name, "ratio": significant(share, 3) if share != float("inf") else None,
+            "passed": criterion.passed, "verified": criterion.verified}  # fmt: skip
+
+
+def permitted_kmh(verdict: Verdict) -> float | None:
     """0 if no speed is within limits, None if nothing was said about speed."""
     if verdict.permitted_speed_kmh is not UNSET:
         return known(verdict.permitted_speed_kmh)
@@ -75,7 +78,7 @@ def _advice(verdict: Verdict, grinding: GrindingAdvice | None) -> str:
 
 
 def _until(what: str, verdict: Verdict) -> str:
-    permitted = _permitted_kmh(verdict)
+    permitted = permitted_kmh(verdict)
     if permitted is None or permitted >= verdict.judged_speed_kmh:
         return what
     return f"{what}; until then at most {permitted:g} km/h" if permitted else f"{what}; no speed is within limits"

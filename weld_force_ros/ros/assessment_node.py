@@ -30,7 +30,7 @@ from weld_force_ros.contract import (
     identity,
 )
 from weld_force_ros.errors import BagError, DiskFullError
-from weld_force_ros.ros import qos
+from weld_force_ros.ros import qos, twins
 from weld_force_ros.ros.definitions import message_definition
 from weld_force_ros.ros.health import TOPIC as DIAGNOSTICS_TOPIC
 from weld_force_ros.ros.ledger import Ledger, read_ledger
@@ -41,7 +41,6 @@ from weld_force_ros.ros.worker import Gate, Worker
 M = TypeVar("M", bound=Message)
 Follow = Callable[[M], None]
 
-RAIL_FRAME = "rail"
 STALLED_S = 5.0
 """After so long without any force map, open measurements are sent to the simulator again."""
 
@@ -97,6 +96,7 @@ class AssessmentNode(ManagedNode):
         if values["bag"]:
             self._begin_or_continue(Path(values["bag"]).expanduser(), values)
         self._peak_force = self.messenger.outlet(WrenchStamped, "peak_force", qos.PLOT)
+        self._criteria = self.messenger.outlet(DiagnosticArray, "criteria", qos.PLOT)
         self._to_simulator = self.messenger.outlet(
             String, TOPICS[WeldProfile].name, qos.SENT_AGAIN, record=lambda _: None
         )
@@ -257,7 +257,8 @@ class AssessmentNode(ManagedNode):
         else:
             self._verdicts += 1
             self._judged_s = time.monotonic()
-            self._peak_force.send(_wrench(verdict))
+            self._peak_force.send(twins.peak_force(verdict))
+            self._criteria.send(twins.criteria(verdict))
             self._tell(verdict)
         self._settle(profile_id)
 
@@ -340,12 +341,3 @@ class AssessmentNode(ManagedNode):
 
 def _limits(values: dict[str, Any]) -> AssessmentSettings:
     return assess.load_limits(Path(values["limits"]).expanduser() if values["limits"] else None)
-
-
-def _wrench(verdict: Verdict) -> WrenchStamped:
-    """The peak force as a typed twin; z is up, the wheel pushes the rail with it."""
-    wrench = WrenchStamped()
-    wrench.header.frame_id = RAIL_FRAME
-    wrench.header.stamp.sec, wrench.header.stamp.nanosec = verdict.stamp.sec, verdict.stamp.nanosec
-    wrench.wrench.force.z = verdict.peak_force_n
-    return wrench
