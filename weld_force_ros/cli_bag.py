@@ -104,6 +104,9 @@ def bag_export(bag: BagPath, target: Exported, formats: Formats = None) -> None:
     else:
         exported = export_tables(bag, target, formats or ["csv"], on_refused=_complain)
     terminal.say(f"{exported.message_count} messages exported to {target}")
+    if exported.layouts:
+        names = " or ".join(str(path) for path in exported.layouts)
+        terminal.say(f"layout: {names}  (Foxglove, Lichtblick: open the export, then import this layout)")
 
 
 def _complain(error: InputError) -> None:

@@ -1,6 +1,6 @@
 """The suite's messages as plain JSON with their schemas, in an MCAP of their own for Foxglove and Lichtblick."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -9,6 +9,7 @@ import msgspec
 
 from weld_force_ros import contract
 from weld_force_ros.bag.form import MessageDefinition
+from weld_force_ros.bag.layout import layout
 from weld_force_ros.bag.reading import open_bag
 from weld_force_ros.bag.suite import recorded_messages
 from weld_force_ros.bag.writing import McapWriter, disk, new_file, refuse_existing
@@ -17,14 +18,19 @@ from weld_force_ros.errors import BagError
 
 @dataclass(frozen=True)
 class ExportReport:
-    """How many messages were exported, and how many were not because they break the contract."""
+    """How many messages were exported, and how many were not because they break the contract.
+
+    Attributes:
+        layouts: written beside, one for each namespace in it.
+    """
 
     message_count: int
     refused_count: int
+    layouts: tuple[Path, ...] = ()
 
 
 def export_json(source: Path, target: Path, *, on_refused: Callable[[BagError], None] | None = None) -> ExportReport:
-    """Write the suite's messages as JSON with their schemas to an MCAP of their own.
+    """Write the suite's messages as JSON with their schemas to an MCAP of their own, and beside it layouts to see them.
 
     Args:
         source: a bag folder or an .mcap file.
@@ -50,7 +56,18 @@ def export_json(source: Path, target: Path, *, on_refused: Callable[[BagError], 
             writer.add(recorded.topic, _json_definition(type(message)), data, *recorded[3:])
         writer.finish()
         check_found(source, writer.tally.message_count)
-    return ExportReport(writer.tally.message_count, refused_count)
+    namespaces = sorted({topic.rpartition("/")[0] for topic, _ in writer.tally.counts})
+    return ExportReport(writer.tally.message_count, refused_count, tuple(_write_layouts(target, namespaces)))
+
+
+def _write_layouts(target: Path, namespaces: list[str]) -> Iterator[Path]:
+    """One layout beside an export, or one for each namespace if it has several."""
+    for namespace in namespaces:
+        name = namespace.replace("/", ".") if len(namespaces) > 1 else ""
+        path = target.with_suffix(f"{name}.layout.json")
+        with disk(path), new_file(path) as stream:
+            stream.write(layout(namespace))
+        yield path
 
 
 def check_found(source: Path, message_count: int) -> None:
