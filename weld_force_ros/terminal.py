@@ -107,7 +107,7 @@ def show_verdicts(verdicts: Iterable[Verdict], rejections: Iterable[Rejection] =
     """One line a weld: the decision first, then why."""
     rows: list[tuple[str | Text, ...]] = []
     for verdict in verdicts:
-        failed = ", ".join(c.name for c in verdict.criteria if not c.passed)
+        failed = ", ".join(c.name for c in verdict.criteria if not c.passed and c.decides)
         rows.append(
             (
                 decision(verdict.decision),

@@ -17,6 +17,8 @@ from weld_force_ros.ros.run import ALL_KINDS, KINDS, Kind, Suite, stop_signals
 OUTCOME_WITHIN_S = 300.0
 TROLLEY_LENGTH_M = 110.0
 TROLLEY_RATE = 10.0
+SAMPLES = 60
+"""Of what is not known, behind each verdict's probabilities: enough to show them, few enough not to wait for."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ def demonstrate(folder: Path, *, track: str, on_outcome: Callable[[str], None], 
     parameters: dict[Kind, dict[str, Any]] = {
         "trolley": {"length_m": TROLLEY_LENGTH_M, "rate": TROLLEY_RATE},
         "profile": {"folder": str(measurements), "rail": "left" if trolley else ""},
-        "simulator": {"track": track},
+        "simulator": {"track": track, "uncertainty_samples": SAMPLES},
         "assessment": {"bag": str(bag)},
     }
     suite = Suite(
