@@ -19,7 +19,7 @@ from weld_force_ros.core.weld import wheel_trajectory
 from weld_force_ros.core.wheel import Wheel
 from weld_force_ros.tracks import TrackDefinition
 
-_TOLERANCE = 2e-2  # by the estimate; in truth under 0.1 % of the peak, 0.6 % over a flat, far below what samples differ by
+_TOLERANCE = 2e-2  # as estimated; in truth under 0.1 % of the peak, 0.6 % over a flat: far below what samples differ by
 _FORCE_DECIMALS = 1
 _TIME_DECIMALS = 6
 _GEOMETRY_DECIMALS = 9

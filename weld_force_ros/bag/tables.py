@@ -56,8 +56,14 @@ def _fields(**columns: type) -> tuple[dict[str, type], Callable[[Message], Rows]
 
 
 def _criteria(verdict: Verdict) -> Rows:
-    for c in verdict.criteria:
-        yield verdict.weld_id, c.name, c.value, c.limit, c.unit, c.passed, c.source, c.verified
+    for criterion in verdict.criteria:
+        values = (getattr(criterion, name) for name in _CRITERION)
+        yield verdict.weld_id, *(None if value is UNSET else value for value in values)
+
+
+def _restrictions(verdict: Verdict) -> Rows:
+    for r in verdict.restrictions:
+        yield verdict.weld_id, r.speed_kmh, r.peak_force_n, r.change, r.within_limits
 
 
 def _passages(found: ForceMap) -> Rows:
@@ -89,6 +95,12 @@ _PROFILE_FIELDS = _fields(
     weld_position_m=float,
 )
 
+_CRITERION: dict[str, type] = {
+    "name": str, "value": float, "limit": float, "unit": str, "passed": bool, "source": str, "verified": bool,
+    "reject_limit": float, "margin": float, "decides": bool, "speed_kmh": float, "position_m": float, "x_m": float,
+    "exceeding": float, "exceeding_reject": float, "driver": str, "driver_share": float,
+}  # fmt: skip
+
 TABLES = (
     Table(
         "verdicts",
@@ -103,6 +115,9 @@ TABLES = (
             worst_position_m=float,
             worst_x_m=float,
             judged_speed_kmh=float,
+            permitted_speed_kmh=float,
+            geometry_kind=str,
+            curve_class=str,
             chainage_m=float,
             rail=str,
             profile_sha256=str,
@@ -114,11 +129,14 @@ TABLES = (
     Table(
         "criteria",
         Verdict,
-        {
-            "weld_id": str, "name": str, "value": float, "limit": float, "unit": str, "passed": bool, "source": str,
-            "verified": bool,
-        },
+        {"weld_id": str, **_CRITERION},
         _criteria,
+    ),
+    Table(
+        "restrictions",
+        Verdict,
+        {"weld_id": str, "speed_kmh": float, "peak_force_n": float, "change": float, "within_limits": bool},
+        _restrictions,
     ),
     Table(
         "force_maps",
