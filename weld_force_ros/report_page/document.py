@@ -27,6 +27,7 @@ def page(
     title: str,
     about: str = "",
     live: bool = False,
+    newest: int | None = None,
 ) -> str:
     """The page as HTML; the same for the same arguments.
 
@@ -37,6 +38,7 @@ def page(
         about: a line below it: where this comes from.
         live: rows and details come from the server that the page is from: it asks for `rows?after=N` twice a second
             and for `weld/N` when a weld is opened. Rows and details given are then shown at once and asked for no more.
+        newest: how many rows a live page keeps; None: all.
 
     Raises:
         InputError: plotly or jinja2 is not installed.
@@ -53,7 +55,7 @@ def page(
         policy=_policy(script, live),
         style=_read("page.css"),
         script=script,
-        facts=_safe_json({"live": live, "title": title}),
+        facts=_safe_json({"live": live, "title": title, "newest": newest}),
         rows=_safe_json(list(rows)),
         plotly=_plotly_packed(),
         details=[

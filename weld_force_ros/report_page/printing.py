@@ -32,18 +32,29 @@ def print_pdf(page: Path, pdf: Path) -> None:
         raise InputError(
             f"no Chromium was found to print {pdf}", f"install one, or name it in {BROWSER_VARIABLE}; {page} is written"
         )
-    pdf.unlink(missing_ok=True)
+    try:
+        pdf.parent.mkdir(parents=True, exist_ok=True)
+        pdf.unlink(missing_ok=True)
+        said = _print(browser, page, pdf)
+    except subprocess.TimeoutExpired:
+        raise InputError(f"printing {pdf} took longer than {_SECONDS_AT_MOST} s", "print fewer welds") from None
+    except OSError as error:
+        raise InputError(f"{pdf}: {error.strerror or error}", "name a file in a writable folder") from None
+    if not pdf.exists():
+        raise InputError(f"{browser} printed no {pdf}: {said}", f"open {page} and print it from there")
+
+
+def _print(browser: str, page: Path, pdf: Path) -> str:
+    """Run the browser; returns the last line it said."""
     with tempfile.TemporaryDirectory(prefix="weld-force-print-") as profile:
         done = subprocess.run(
             [
                 browser, "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
                 "--no-first-run", "--window-size=1000,1400", "--disable-background-networking",
-                f"--user-data-dir={profile}",
-                f"--virtual-time-budget={_VIRTUAL_MS}", "--no-pdf-header-footer", f"--print-to-pdf={pdf.absolute()}",
-                f"{page.absolute().as_uri()}#print",
+                f"--user-data-dir={profile}", f"--virtual-time-budget={_VIRTUAL_MS}", "--no-pdf-header-footer",
+                f"--print-to-pdf={pdf.absolute()}", f"{page.absolute().as_uri()}#print",
             ],
             capture_output=True, timeout=_SECONDS_AT_MOST, check=False,
         )  # fmt: skip
-    if not pdf.exists():
-        said = done.stderr.decode(errors="replace").strip().splitlines()
-        raise InputError(f"{browser} printed no {pdf}: {said[-1] if said else 'it said nothing'}", "print it by hand")
+    lines = done.stderr.decode(errors="replace").strip().splitlines()
+    return lines[-1] if lines else "it said nothing"

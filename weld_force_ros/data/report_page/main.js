@@ -1,11 +1,11 @@
 // Which part of the page is shown: the table, one weld (#weld-3), or all of them as on paper (#print).
 
-const facts_ = embeddedJson("facts");
-const source = facts_.live ? liveSource : embeddedSource;
+const given = embeddedJson("facts");
+const source = given.live ? liveSource : embeddedSource;
 const front = document.getElementById("front");
 const one = document.getElementById("weld");
 const all = document.getElementById("all");
-const table = new FrontTable(front, facts_.live);
+const table = new FrontTable(front, given.live);
 
 const viewport = document.querySelector("meta[name=viewport]");
 
@@ -31,7 +31,7 @@ function showFront() {
   opened = null;
   clear(one);
   showOnly(front);
-  document.title = facts_.title;
+  document.title = given.title;
   if (from !== null) {
     table.focusOn(from);
     window.scrollTo(0, scrolled);
@@ -42,7 +42,7 @@ async function showWeld(n) {
   const row = table.rows.get(n);
   if (!row) {
     // Of a live page, it may still come.
-    if (!facts_.live) showFront();
+    if (!given.live) showFront();
     return;
   }
   const mine = ++turn;
@@ -51,7 +51,7 @@ async function showWeld(n) {
   clear(one);
   one.append(barOf(n), element("p", {role: "status"}, "Opening…"));
   showOnly(one);
-  document.title = `${row.weld} – ${facts_.title}`;
+  document.title = `${row.weld} – ${given.title}`;
   window.scrollTo(0, 0);
   try {
     const built = weldSection(row, await source.detail(n), false);
@@ -143,4 +143,5 @@ window.addEventListener("beforeprint", () => {
   for (const drawn of one.querySelectorAll(".js-plotly-plot")) window.Plotly.Plots.resize(drawn);
 });
 route();
-document.documentElement.dataset.ready = "yes";
+// When it could be used, for whoever measures.
+document.documentElement.dataset.ready = performance.now().toFixed(0);

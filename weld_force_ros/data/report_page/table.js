@@ -16,7 +16,8 @@ const COLUMNS = [
 ];
 
 class FrontTable {
-  constructor(holder, live) {
+  constructor(holder, live, newest) {
+    this.newest = newest ?? Infinity;
     this.rows = new Map();
     this.lines = new Map();
     this.decision = null;
@@ -67,7 +68,17 @@ class FrontTable {
       this.rows.set(row.n, row);
       this.lines.set(row.n, rowLine(row));
     }
+    this.dropOldest();
     this.show();
+  }
+
+  // A page that stays open keeps as much as its server does.
+  dropOldest() {
+    for (const n of this.rows.keys()) {
+      if (this.rows.size <= this.newest) return;
+      this.rows.delete(n);
+      this.lines.delete(n);
+    }
   }
 
   sortBy(column) {

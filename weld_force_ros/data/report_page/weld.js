@@ -16,7 +16,7 @@ function weldSection(row, content, still) {
   const body = content.rejection ? rejectionParts(content) : verdictParts(content, still, later);
   const heading = element("h2", {tabindex: "-1"}, row.weld);
   const section = element(
-    "article", {class: "weld"},
+    "article", {class: "weld", "data-number": row.n},
     element("div", {}, heading, element("p", {class: "meta"}, metaOf(row, content))),
     ...body.filter(Boolean),
   );
