@@ -187,8 +187,21 @@ class Simulator:
     One simulator may be used from several threads.
     """
 
-    def __init__(self, settings: SimulationSettings, *, on_fit: Callable[[str], None] | None = None) -> None:
+    def __init__(
+        self,
+        settings: SimulationSettings,
+        *,
+        on_fit: Callable[[str], None] | None = None,
+        threads: int | None = None,
+        curves: bool = True,
+    ) -> None:
         """Load the fit that `settings` ask for.
+
+        Args:
+            settings: what is simulated.
+            on_fit: told, in words, if a fit has to be made.
+            threads: of a fitted engine; one a core, if not given.
+            curves: whether maps carry a curve; without it advice on speed is as fine as the map, which is sooner done.
 
         Raises:
             InputError: settings that this version cannot simulate.
@@ -204,8 +217,9 @@ class Simulator:
             self._model_error = acausal(definition.track, self._span_m / 2).floor(wheel.compliance, BAND_HZ)
         else:
             fit = fits.fitted(definition, settings.engine, on_fit=on_fit)
-            self.rig = Rig(fit.model(), wheel)
+            self.rig = Rig(fit.model(), wheel, threads=threads)
             self._model_error = fit.error
+        self._with_curves = curves and settings.engine == "common-poles"
         self._sampler: Sampler | None = None
         if isinstance(settings.uncertainty, Uncertainty):
             self._sampler = Sampler(definition, wheel, settings.uncertainty, on_fit=on_fit)
@@ -264,7 +278,7 @@ class Simulator:
 
         Slower engines leave it out: advice on speed is then as fine as the map.
         """
-        if self.settings.engine != "common-poles":
+        if not self._with_curves:
             return UNSET
         speeds, positions = np.array(self.settings.speeds_kmh), np.array(self.settings.positions_m)
         counted = counted_positions(positions, weld_position_m, self._span_m)
