@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: run test lint bench soak format schema
+.PHONY: run test lint bench soak screenshots format schema
 
 run: $(READY)
 	$(BIN)/weld-force demo
@@ -26,6 +26,9 @@ soak: $(READY)
 	$(BIN)/python -m tests.core.detection_figures
 	$(BIN)/python -m tests.soak.kills
 	$(BIN)/python -m tests.soak.endurance
+
+screenshots: $(READY)
+	$(BIN)/python -m tests.report_screenshots docs
 
 format: $(READY)
 	$(BIN)/ruff check --fix .

@@ -134,7 +134,7 @@ def hostile() -> list[Entry]:
     base = weld("weld-1-dip")
     assert base.profile is not None
     profile = replace(base.profile, weld_id=HOSTILE, source=HOSTILE, instrument=HOSTILE, rail=HOSTILE)
-    criteria = [replace(c, source=HOSTILE, applies=HOSTILE) for c in base.verdict.criteria]
+    criteria = [replace(c, source=HOSTILE, applies=HOSTILE, unit="<img src=x>") for c in base.verdict.criteria]
     criteria.append(replace(criteria[0], name=HOSTILE[:200], unit="<b>"))
     verdict = replace(
         base.verdict, weld_id=HOSTILE, rail=HOSTILE, reason=HOSTILE, software=HOSTILE, advice=[HOSTILE],

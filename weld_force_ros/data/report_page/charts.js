@@ -177,7 +177,8 @@ function limitSteps(series, speeds, field) {
 async function drawCurve(holder, content, name, still) {
   const {curves, verdict, map, grinding} = content;
   const series = curves.series.find((one) => one.name === name);
-  const [factor, unit] = scaled(unitOf(series));
+  // A unit that this page does not know is text from outside.
+  const [factor, unit] = UNITS[unitOf(series)] ?? [1, ""];
   const inUnit = (values) => values.map((value) => value * factor);
   const speeds = curves.speeds_kmh;
   const traces = [];

@@ -292,7 +292,7 @@ function criterionLine(c, sampled) {
     cell("Value", element("strong", {class: "nowrap"}, quantity(c.value, unitOf(c))), element("span", {class: "block"}, bar(ratioOfCriterion(c), c.passed)), element("span", {class: "small nowrap"}, timesLimit(c.ratio))),
     cell("Limit", element("span", {class: "nowrap"}, quantity(c.limit, unitOf(c))), c.reject_limit !== undefined && element("span", {class: "small block"}, `reject above ${quantity(c.reject_limit, unitOf(c))}`)),
     cell("Margin", element("span", {class: margin < 0 ? "over nowrap" : "nowrap"}, quantity(margin, unitOf(c)))),
-    cell("Where", ...whereOf(c)),
+    element("td", {class: "c-where", "data-label": "Where"}, element("div", {}, ...whereOf(c))),
     sampled && element("td", {class: "c-chance", "data-label": "Chance to exceed"}, element("div", {}, ...chanceOf(c))),
     element("td", {class: "c-why"}, c.applies && element("span", {class: "block"}, sentence(c.applies)), c.verified ? element("span", {class: "ok"}, "verified: ") : element("span", {}, unverifiedTag(), " "), element("span", {class: "small"}, c.source)),
   );
