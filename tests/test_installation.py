@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = "weld_force_ros"
-NODES = {"profile_node", "simulator_node", "assessment_node", "trolley_node"}
+NODES = {"profile_node", "simulator_node", "assessment_node", "trolley_node", "dashboard_node"}
 
 
 def run(*command: str | Path, **options: object) -> subprocess.CompletedProcess[str]:

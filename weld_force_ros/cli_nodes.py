@@ -104,6 +104,12 @@ def up(
     z_positive: ZPositive = None,
     spacing: Spacing = None,
     detect_welds: Annotated[bool | None, typer.Option(help="Look for welds in a live trolley's samples.")] = None,
+    dashboard: Annotated[
+        bool, typer.Option("--dashboard", help="Also show the welds on a page of this machine.")
+    ] = False,
+    dashboard_port: Annotated[
+        int | None, typer.Option(metavar="PORT", help="Where --dashboard serves its page (default: 8765).")
+    ] = None,
 ) -> None:
     """Run the three nodes until SIGINT or SIGTERM; each weld's outcome is shown as it comes."""
     from weld_force_ros import node_parameters
@@ -132,6 +138,10 @@ def up(
         },
         "assessment": {"limits": limits and str(limits.absolute()), "bag": bag and str(bag.absolute())},
     }
+    if dashboard:
+        given["dashboard"] = {"port": dashboard_port}
+    elif dashboard_port is not None:
+        raise InputError("--dashboard-port says where a dashboard is served", "add --dashboard")
     stated = node_parameters.read_config(config) if config is not None else {}
     parameters = {
         kind: node_parameters.effective(stated, f"{kind}_node", namespace)
@@ -149,7 +159,7 @@ def up(
 
 def node(
     context: typer.Context,
-    kind: Annotated[str, typer.Argument(metavar="profile|simulator|assessment|trolley", help="Which node.")],
+    kind: Annotated[str, typer.Argument(metavar="profile|simulator|assessment|trolley|dashboard", help="Which node.")],
 ) -> None:
     """Run one node until SIGINT or SIGTERM; `--ros-args …` as on any ROS command line."""
     run = ros_module("run")

@@ -92,6 +92,10 @@ PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
         NodeParameter("split_mb", 256.0, "MB after which a new file of the bag is begun", 1.0, 1e6),
         NodeParameter("split_minutes", 60.0, "minutes after which a new file of the bag is begun", 0.1, 1e5),
     ),
+    "dashboard_node": (
+        _AUTOSTART,
+        NodeParameter("port", 8765, "port on 127.0.0.1 that the page is served on; 0: any that is free", 0, 65_535),
+    ),
     "trolley_node": (
         _AUTOSTART,
         NodeParameter("seed", 1, "of the simulated rail and of what goes wrong on it", 0, 2**31 - 1),

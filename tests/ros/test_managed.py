@@ -174,8 +174,8 @@ def test_every_parameter_has_a_description_and_numbers_a_range(
     rows = PARAMETERS[f"{kind}_node"]
     with (
         suite(folder, kinds=(kind,), autostart=False)
-        if kind != "trolley"
-        else Suite(("trolley",), parameters={"trolley": {"autostart": False}})
+        if kind in KINDS
+        else Suite((kind,), parameters={kind: {"autostart": False}})
     ):
         request = DescribeParameters.Request(names=[row.name for row in rows])
         described = probe.call(DescribeParameters, f"/{kind}_node/describe_parameters", request).descriptors

@@ -10,7 +10,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import Any, Literal, Self
@@ -27,16 +27,17 @@ from weld_force_ros.contract import ForceHistory, ForceMap, Message, Rejection, 
 from weld_force_ros.errors import InputError, WeldForceError
 from weld_force_ros.ros import environment
 from weld_force_ros.ros.assessment_node import AssessmentNode
+from weld_force_ros.ros.dashboard_node import DashboardNode
 from weld_force_ros.ros.managed import CLOSE_S, ManagedNode
 from weld_force_ros.ros.profile_node import ProfileNode
 from weld_force_ros.ros.simulator_node import Simulates, SimulatorNode
 from weld_force_ros.ros.trolley_node import TrolleyNode
 
-Kind = Literal["trolley", "profile", "simulator", "assessment"]
+Kind = Literal["trolley", "profile", "simulator", "assessment", "dashboard"]
 
 KINDS: tuple[Kind, ...] = ("profile", "simulator", "assessment")
 """The suite, in the order of the flow."""
-ALL_KINDS: tuple[Kind, ...] = ("trolley", *KINDS)
+ALL_KINDS: tuple[Kind, ...] = ("trolley", *KINDS, "dashboard")
 DRAIN_S = 30.0
 _LOOK_S = 0.02
 """How often a condition that has no event of its own is looked at."""
@@ -207,6 +208,8 @@ class Suite:
         try:
             if kind == "trolley":
                 return TrolleyNode(**options)
+            if kind == "dashboard":
+                return DashboardNode(**options)
             if kind == "profile":
                 return ProfileNode(**options)
             if kind == "simulator":
@@ -258,9 +261,21 @@ def run_node(kind: Kind, ros_args: Sequence[str] = (), *, drain_s: float = DRAIN
 def run_suite(
     parameters: Mapping[Kind, Mapping[str, Any]], ros_args: Sequence[str] = (), *, drain_s: float = DRAIN_S
 ) -> int:
-    """Run the three nodes until SIGINT or SIGTERM: `weld-force up`; outcomes are shown. See `run_node` and `Suite`."""
-    suite = Suite(parameters=parameters, ros_args=ros_args, on_verdict=show, on_rejection=show)
+    """Run nodes until SIGINT or SIGTERM: `weld-force up`; outcomes are shown. See `run_node` and `Suite`.
+
+    Args:
+        parameters: by kind, then by name; kinds beside those of the suite run with it.
+        ros_args: as on a ROS command line, from `--ros-args` on.
+        drain_s: how long what was taken may take when stopped.
+    """
+    suite = Suite(together(parameters), parameters=parameters, ros_args=ros_args, on_verdict=show, on_rejection=show)
     return run_until_signal(suite, drain_s)
+
+
+def together(kinds: Iterable[Kind]) -> tuple[Kind, ...]:
+    """The nodes of the suite, and others beside them, in the order of the flow."""
+    wanted = {*KINDS, *kinds}
+    return tuple(kind for kind in ALL_KINDS if kind in wanted)
 
 
 def run_until_signal(suite: Suite, drain_s: float = DRAIN_S) -> int:
@@ -340,7 +355,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def profile_node() -> int:
-    """Console entry of a ROS installation, as the next three."""
+    """Console entry of a ROS installation, as the next four."""
     return main(["profile", *sys.argv[1:]])
 
 
@@ -360,6 +375,11 @@ def trolley_node() -> int:
 
 
 def _one_line(error: Exception) -> str:
+def dashboard_node() -> int:
+    """See `profile_node`."""
+    return main(["dashboard", *sys.argv[1:]])
+
+
     return " ".join(str(error).split())
 
 

@@ -15,7 +15,7 @@ import yaml
 
 from weld_force_ros.errors import WeldForceError
 from weld_force_ros.ros import environment
-from weld_force_ros.ros.run import DRAIN_S, KINDS, Kind, say, stop_signals
+from weld_force_ros.ros.run import DRAIN_S, Kind, say, stop_signals, together
 
 _LOOK_S = 0.1
 _SOON_S, _LATER_S = 0.5, 5.0
@@ -83,12 +83,13 @@ class Supervisor:
     """The nodes as processes; a context manager that stops them in the order of the flow.
 
     Args:
-        parameters: by kind, then by name.
+        parameters: by kind, then by name; kinds beside those of the suite run with it.
         ros_args: as on a ROS command line, from `--ros-args` on; for every node.
     """
 
     def __init__(self, parameters: Mapping[Kind, Mapping[str, Any]], ros_args: Sequence[str] = ()) -> None:
         self._parameters = parameters
+        self._kinds = together(parameters)
         self._ros_args = list(ros_args) or ["--ros-args"]
         self.children: dict[Kind, Child] = {}
         self.code = 0
@@ -100,8 +101,8 @@ class Supervisor:
         nodes = {f"/**/{k}_node": {"ros__parameters": dict(given)} for k, given in self._parameters.items()}
         file.write_text(yaml.safe_dump({k: v for k, v in nodes.items() if v["ros__parameters"]}))
         arguments = [*self._ros_args, "--params-file", str(file)] if any(self._parameters.values()) else self._ros_args
-        self.children = {kind: Child(kind, arguments) for kind in KINDS}
-        for kind in reversed(KINDS):  # those that listen first
+        self.children = {kind: Child(kind, arguments) for kind in self._kinds}
+        for kind in reversed(self._kinds):  # those that listen first
             self.children[kind].start()
         return self
 
@@ -117,7 +118,7 @@ class Supervisor:
 
     def __exit__(self, *_: object) -> None:
         with self._stack:
-            for kind in KINDS:  # each has handed on what it took before the next is asked to end
+            for kind in self._kinds:  # each has handed on what it took before the next is asked to end
                 self.code |= int(self.children[kind].stop(DRAIN_S + 10.0) != 0)
 
 
