@@ -15,6 +15,7 @@ from weld_force_ros import replay
 from weld_force_ros.assess import Simulator, assess, load_limits, simulation_settings
 from weld_force_ros.cli import main
 from weld_force_ros.contract import encode
+from weld_force_ros.errors import InputError
 from weld_force_ros.profiles import find, read_profile
 from weld_force_ros.report_page import Entry, Weld, detail, page, printing, row, welds
 
@@ -188,16 +189,25 @@ def test_maps_without_verdict_are_judged_and_rejections_stand_last(tmp_path):
 
 
 def test_grinding_is_searched_for_what_is_not_accepted_and_known():
-    asked = []
+    asked, done, failed = [], [], []
 
     def grind(profile, settings, limits):
         asked.append(profile.weld_id)
+        if profile.weld_id == "wheel-flat-0.9mm":
+            raise InputError("the grinder reaches no place", "measure more")
         return ground().grinding
 
-    done = []
-    found = list(welds.with_grinding(entries(), grind, on_done=lambda: done.append(1)))
+    found = list(
+        welds.with_grinding(
+            entries(),
+            grind,
+            on_done=lambda: done.append(1),
+            on_failed=lambda one, error: failed.append((one.verdict.weld_id, str(error))),
+        )
+    )
     assert len(found) == len(done) == len(entries())
-    assert len(asked) == sum(e.grinding is not None for e in found if isinstance(e, Weld))
+    assert [name for name, _ in failed] == ["wheel-flat-0.9mm"]
+    assert len(asked) == 1 + sum(e.grinding is not None for e in found if isinstance(e, Weld))
     assert not any(e.grinding for e in found if isinstance(e, Weld) and e.verdict.decision == "accept")
 
 
@@ -248,8 +258,8 @@ def test_a_browser_that_prints_nothing_is_said(tmp_path, monkeypatch):
     browser.write_text("#!/bin/sh\necho cannot open display >&2\nexit 1\n")
     browser.chmod(0o755)
     monkeypatch.setenv(printing.BROWSER_VARIABLE, str(browser))
-    with pytest.raises(printing.InputError, match="cannot open display"):
+    with pytest.raises(InputError, match="cannot open display"):
         printing.print_pdf(tmp_path / "page.html", tmp_path / "page.pdf")
     monkeypatch.setattr(subprocess, "run", lambda *a, **k: (_ for _ in ()).throw(subprocess.TimeoutExpired("b", 1)))
-    with pytest.raises(printing.InputError, match="took longer"):
+    with pytest.raises(InputError, match="took longer"):
         printing.print_pdf(tmp_path / "page.html", tmp_path / "page.pdf")

@@ -8,11 +8,11 @@ import typer
 
 from weld_force_ros import json_lines
 from weld_force_ros.cli_options import Limits
-from weld_force_ros.errors import InputError
+from weld_force_ros.errors import InputError, WeldForceError
 
 if TYPE_CHECKING:
-    from weld_force_ros.contract import AssessmentSettings
-    from weld_force_ros.report_page.welds import Entry, Grind
+    from weld_force_ros.contract import AssessmentSettings, GrindingAdvice, SimulationSettings, WeldProfile
+    from weld_force_ros.report_page.welds import Entry, Grind, Weld
 
 Of = Annotated[Path, typer.Argument(metavar="BAG|MAP", help="A bag, or force maps of `simulate --json FILE`.")]
 Out = Annotated[Path, typer.Option("--out", "-o", help="The page (HTML).")]
@@ -67,21 +67,29 @@ def _entries(of: Path, limits: "AssessmentSettings | None") -> "list[Entry]":
 
 
 def _with_grinding(entries: "list[Entry]", on_done: Callable[[], None]) -> "list[Entry]":
+    from weld_force_ros import terminal
     from weld_force_ros.report_page import welds
 
-    return list(welds.with_grinding(entries, _grinding_advice(), on_done=on_done))
+    def failed(weld: "Weld", error: WeldForceError) -> None:
+        terminal.say(f"no advice on grinding {weld.verdict.weld_id}: {error}")
+
+    return list(welds.with_grinding(entries, _grind(), on_done=on_done, on_failed=failed))
 
 
-def _grinding_advice() -> "Grind":
-    from weld_force_ros.report_page.welds import Grind
+def _grind() -> "Grind":
+    """Advice on grinding; what a search under the same settings and limits needs is made once."""
+    from weld_force_ros import terminal
+    from weld_force_ros.grinding import Adviser
 
-    # SEAM: the search for the least grinding, `grinding_advice(profile, settings, limits) -> GrindingAdvice`.
-    try:
-        from weld_force_ros.grinding import grinding_advice  # type: ignore[import-not-found]
-    except ImportError:
-        raise InputError("advice on grinding is not in this version", "leave out --grinding") from None
-    search: Grind = grinding_advice
-    return search
+    advisers: dict[tuple[str, str], Adviser] = {}
+
+    def grind(profile: "WeldProfile", settings: "SimulationSettings", limits: "AssessmentSettings") -> "GrindingAdvice":
+        key = (settings.config_sha256, limits.limits_sha256)
+        if key not in advisers:
+            advisers[key] = Adviser(settings, limits, on_fit=terminal.say)
+        return advisers[key].advise(profile)
+
+    return grind
 
 
 def _refuse_without_browser(pdf: Path) -> None:

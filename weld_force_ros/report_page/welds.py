@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from msgspec.structs import replace as changed
+
 from weld_force_ros.assess import judge
 from weld_force_ros.contract import (
     AssessmentSettings,
@@ -16,7 +18,7 @@ from weld_force_ros.contract import (
     WeldProfile,
     decode,
 )
-from weld_force_ros.errors import InputError, MessageError
+from weld_force_ros.errors import InputError, MessageError, WeldForceError
 from weld_force_ros.replay import Recording
 
 Grind = Callable[[WeldProfile, SimulationSettings, AssessmentSettings], GrindingAdvice]
@@ -109,18 +111,40 @@ def mapped(maps: Sequence[ForceMap], limits: AssessmentSettings) -> list[Entry]:
     return [Weld(verdict=judge(m, limits), force_map=m, limits=limits) for m in maps]
 
 
-def with_grinding(entries: Sequence[Entry], grind: Grind, *, on_done: Callable[[], None]) -> Iterator[Entry]:
+def with_grinding(
+    entries: Sequence[Entry],
+    grind: Grind,
+    *,
+    on_done: Callable[[], None],
+    on_failed: Callable[[Weld, WeldForceError], None],
+) -> Iterator[Entry]:
     """The same entries, with advice on grinding for every weld that is not accepted and whose geometry is known.
 
     Args:
         entries: of a recording.
         grind: finds the least grinding that brings a weld within limits.
         on_done: called after each entry.
+        on_failed: called for a weld of which no advice can be given; it stays as it was.
     """
     for entry in entries:
+        advised = entry
         if isinstance(entry, Weld) and entry.verdict.decision != "accept":
-            profile, settings, limits = entry.profile, entry.settings, entry.limits
-            if profile is not None and settings is not None and limits is not None:
-                entry = replace(entry, grinding=grind(profile, settings, limits))
-        yield entry
+            try:
+                advised = _ground(entry, grind)
+            except WeldForceError as error:
+                on_failed(entry, error)
+        yield advised
         on_done()
+
+
+def _ground(weld: Weld, grind: Grind) -> Weld:
+    if weld.profile is None or weld.settings is None or weld.limits is None:
+        return weld
+    # A recording's profile may have been stated anew since; its line speed and place are those of the map.
+    return replace(weld, grinding=grind(_as_mapped(weld.profile, weld.force_map), weld.settings, weld.limits))
+
+
+def _as_mapped(profile: WeldProfile, force_map: ForceMap | None) -> WeldProfile:
+    if force_map is None:
+        return profile
+    return changed(profile, line_speed_kmh=force_map.line_speed_kmh, weld_position_m=force_map.weld_position_m)

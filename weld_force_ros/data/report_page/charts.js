@@ -24,7 +24,7 @@ function layout(x, y, more = {}) {
 async function draw(holder, traces, how, still) {
   const plotly = await loadPlotly();
   const config = {displayModeBar: false, responsive: !still, staticPlot: still, doubleClick: false};
-  if (still) Object.assign(how, {width: holder.clientWidth, height: holder.clientHeight});
+  if (still) Object.assign(how, {width: holder.clientWidth, height: holder.clientHeight, font: {...how.font, size: 10}, legend: {...how.legend, font: {size: 9}}});
   await plotly.newPlot(holder, traces, how, config);
   return plotly;
 }
