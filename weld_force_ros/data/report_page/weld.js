@@ -77,7 +77,7 @@ function whatToDo(verdict, grinding) {
   if (verdict.decision === "undecided") return `Not decided yet: ${verdict.measure || verdict.reason}.`;
   const action = ACTIONS[verdict.decision] ?? sentence(verdict.decision);
   if (!grinding || verdict.decision === "accept") return action;
-  const removed = quantity(grinding.most_removed_m, "m");
+  const removed = hundredths(grinding.most_removed_m);
   if (grinding.reached) {
     return verdict.decision === "grind" ? `Grind this weld: take off at most ${removed}.` : `Renew this weld, or grind off at most ${removed}.`;
   }
@@ -317,7 +317,7 @@ function chanceOf(c) {
 function grindingPart({grinding: g}) {
   const changed = g.after.map((c) => [criterionName(c.name), quantity(c.value, unitOf(c)), c.passed ? "✓ within" : "✕ over limit"]);
   return card("Grinding",
-    element("p", {}, element("strong", {}, g.reached ? `Take off at most ${quantity(g.most_removed_m, "m")}${g.from_m === undefined ? "" : `, from ${number(g.from_m * 1e3)} to ${number(g.to_m * 1e3)} mm from the weld's centre`}.` : "No removal of metal was found that brings this weld within its limits."), ` ${sentence(g.reason)}`),
+    element("p", {}, element("strong", {}, g.reached ? `Take off at most ${hundredths(g.most_removed_m)}${g.from_m === undefined ? "" : `, from ${number(g.from_m * 1e3)} to ${number(g.to_m * 1e3)} mm from the weld's centre`}.` : "No removal of metal was found that brings this weld within its limits."), ` ${sentence(g.reason)}`),
     element("p", {}, "Before ", badge(g.decision_before), " after ", badge(g.decision_after)),
     changed.length ? element("div", {class: "changes"}, ...changed.flat().map((text) => element("span", {}, text))) : null,
     element("p", {class: "hint"}, `Waves longer than ${quantity(g.band_limit_m, "m")}, hollows no sharper than a stone of radius ${number(g.stone_radius_m)} m. ` +

@@ -51,6 +51,8 @@ let ids = 0;
 const freshId = (stem) => `${stem}-${(ids += 1)}`;
 
 const kilonewtons = (value) => quantity(value, "N");
+// Of metal, no stone takes off less.
+const hundredths = (metres) => `${(metres * 1e3).toFixed(2)} mm`;
 const centimetres = (value) => String(Math.round(value * 100)).replace("-", "−");
 const kmh = (value) => `${number(value, 4)} km/h`;
 
