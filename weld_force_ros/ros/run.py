@@ -305,9 +305,10 @@ def run_until_signal(suite: Suite, drain_s: float = DRAIN_S) -> int:
 def show(outcome: Verdict | Rejection) -> None:
     """One line for whoever stands beside the trolley."""
     if isinstance(outcome, Verdict):
-        say(f"{outcome.decision.upper():7} {outcome.weld_id}: {outcome.reason}")
+        speed = f"; {outcome.advice[0]}" if outcome.advice and outcome.decision != "accept" else ""
+        say(f"{outcome.decision.upper():9} {outcome.weld_id}: {outcome.reason}{speed}")
     else:
-        say(f"UNUSABLE {outcome.source}: {outcome.reason}; {outcome.remedy}")
+        say(f"UNUSABLE  {outcome.source}: {outcome.reason}; {outcome.remedy}")
 
 
 def say(text: str) -> None:
@@ -374,12 +375,12 @@ def trolley_node() -> int:
     return main(["trolley", *sys.argv[1:]])
 
 
-def _one_line(error: Exception) -> str:
 def dashboard_node() -> int:
     """See `profile_node`."""
     return main(["dashboard", *sys.argv[1:]])
 
 
+def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
