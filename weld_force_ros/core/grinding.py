@@ -13,7 +13,7 @@ region are tried at once, as many profiles side by side cost less than one after
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -26,14 +26,16 @@ from weld_force_ros.core.weld import RESAMPLED_STEP_M, joined
 from weld_force_ros.errors import InputError
 
 KNOTS_PER_WAVE = 4 / 3
-MARGIN = 5e-4  # of a limit: constraints are computed no better
+MARGIN = 1e-3  # of a limit: twice what the forces are computed to
 MOST_STEPS = 25
 _FIRST_REGION_M = 0.2e-3
-_SMALLEST_REGION_M = 0.5e-6
+_SMALLEST_REGION_M = 2e-6
 _REGIONS = 0.5 ** np.arange(4)  # tried at once
 _PROBE_M = 10e-6  # a few per cent of a force: far above its numerical noise, and nearly linear
 _WORTH_A_STEP = 2e-3  # of the objective
-_CURVATURES_PER_M = 0.1 * 0.5 ** np.arange(7)  # of hollows to begin with: as 40 um over 96 mm has them, and gentler
+_STEPS_A_RACE = 3
+_STANDING = 500
+_CURVATURES_PER_M = 0.1 * 0.25 ** np.arange(4)  # of hollows to begin with: as 40 um over 96 mm has them, and gentler
 _PENALTY = 10.0  # of an excess of 1, in removals of everything
 
 Profile: TypeAlias = tuple[Real, Real]
@@ -74,7 +76,6 @@ class Removal:
         z_m: heights before; beyond the ends those of the rail that the simulation joins.
         removal_m: not negative.
         excess: (n_constraint,), of the ground profile.
-        steps: of the search.
         coefficients_m: (n_spline,), what a further search begins with.
     """
 
@@ -82,7 +83,6 @@ class Removal:
     z_m: Real
     removal_m: Real
     excess: Real
-    steps: int
     coefficients_m: Real
 
     @property
@@ -112,7 +112,8 @@ def least_removal(
 ) -> Removal:
     """The least removed area with which a profile is within its limits, or what comes closest to them.
 
-    It is a local optimum, the best found from nothing removed and from what stands above its surroundings removed.
+    It is a local optimum, the best found from several starts: nothing removed, what stands above its surroundings
+    removed, and hollows softened.
 
     Args:
         x_m: (n,), increasing, 0 at the weld's centre.
@@ -120,22 +121,19 @@ def least_removal(
         excess: what the limits say of profiles.
         grinder: what can be done.
         begin: a removal from the same profile by the same grinder to begin with.
-        on_step: called after each step of the search, `MOST_STEPS` times at most.
+        on_step: called after each step of the search.
 
     Raises:
         InputError: the grinder reaches no place on the profile.
     """
     search = _Search(x_m, z_m, excess, grinder or Grinder())
     if begin is not None:
-        return search.removal(search.descend(search.at([begin.coefficients_m])[0], on_step))
-    nothing, *others = search.at([np.zeros(search.splines.shape[1]), *search.gentle()])
-    if nothing.worst <= 0:
-        return search.removal(nothing)
-    starts = [nothing, min(others, key=lambda point: point.merit)]
-    return search.removal(min((search.descend(start, on_step) for start in starts), key=lambda point: point.merit))
+        return search.removal(search.descended(search.at([begin.coefficients_m])[0], MOST_STEPS, on_step))
+    nothing, *gentle = search.at([np.zeros(search.splines.shape[1]), *search.gentle()])
+    return search.removal(nothing if nothing.worst <= 0 else search.raced([nothing, *gentle], on_step))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Point:
     """A removal with what it costs: in coefficients of the greatest depth, an excess weighing more than all of them."""
 
@@ -143,11 +141,14 @@ class _Point:
     removal_m: Real
     excess: Real
     merit: float
-    steps: int = 0
 
     @property
     def worst(self) -> float:
         return float(self.excess.max())
+
+
+def _merit(point: _Point) -> float:
+    return point.merit
 
 
 class _Search:
@@ -185,42 +186,43 @@ class _Search:
 
     def removal(self, point: _Point) -> Removal:
         coefficients = point.shares * self.grinder.most_m
-        return Removal(self.x_m, self.z_m, point.removal_m, point.excess, point.steps, coefficients)
+        return Removal(self.x_m, self.z_m, point.removal_m, point.excess, coefficients)
 
     def gentle(self) -> list[Real]:
-        """Coefficients (n_spline,) that take off about what stands above its surroundings and soften hollows.
+        """Coefficients (n_spline,) that take off about what stands above its surroundings, or that soften hollows.
 
         A hollow is softened to a curvature by the lower envelope of parabolas that stand on the surface.
         """
         from_left = np.minimum.accumulate(np.minimum(self.z_m, 0.0))
         from_right = np.minimum.accumulate(np.minimum(self.z_m, 0.0)[::-1])[::-1]
         levelled = np.minimum(self.z_m, np.maximum(from_left, from_right))
-        squares = (self.x_m[:, None] - self.x_m) ** 2 / 2
-        softened = [np.min(z + c * squares, axis=1) for z in (self.z_m, levelled) for c in _CURVATURES_PER_M]
+        softened = [_softened(self.x_m, self.z_m, curvature) for curvature in _CURVATURES_PER_M]
         fitted = [nnls(self.splines, self.z_m - target)[0] for target in (levelled, *softened)]
         return [np.minimum(coefficients, self.grinder.most_m) for coefficients in fitted]
 
-    def descend(self, here: _Point, on_step: Callable[[], None]) -> _Point:
-        """Step after step as long as they pay."""
-        region, slopes = _FIRST_REGION_M / self.grinder.most_m, self._slopes(here)
-        for step in range(1, MOST_STEPS + 1):
-            regions = np.minimum(region, 1.0) * _REGIONS
-            best, region = self._best(here, slopes, regions)
-            on_step()
-            gain = here.merit - best.merit
-            if gain > 0:
-                here, slopes = replace(best, steps=step), self._slopes(best) if gain > 0 else slopes
-            if (0 < gain < _WORTH_A_STEP * here.merit) or region * self.grinder.most_m < _SMALLEST_REGION_M:
-                break
-        return here
+    def raced(self, starts: Sequence[_Point], on_step: Callable[[], None]) -> _Point:
+        """The best that is reached from any start: all go a few steps, the better half goes on."""
+        running = list(starts)
+        while len(running) > 1:
+            running = sorted((self.descended(point, _STEPS_A_RACE, on_step) for point in running), key=_merit)
+            running = running[: len(running) // 2]
+        return self.descended(running[0], MOST_STEPS, on_step)
 
-    def _best(self, here: _Point, slopes: Real, regions: Real) -> tuple[_Point, float]:
-        """The best of what linear programs propose, and the region to try next."""
-        proposed = [self._proposed(here, slopes, region) for region in regions]
-        points = self.at([shares * self.grinder.most_m for shares in proposed])
-        best = int(np.argmin([point.merit for point in points]))
-        region = 2 * regions[best] if points[best].merit < here.merit else regions[-1] / 2
-        return points[best], float(region)
+    def descended(self, here: _Point, steps: int, on_step: Callable[[], None]) -> _Point:
+        """Step after step, as long as they pay."""
+        region, slopes = _FIRST_REGION_M / self.grinder.most_m, self._slopes(here)
+        for _ in range(steps):
+            regions = np.minimum(region, 1.0) * _REGIONS
+            points = self.at([self.grinder.most_m * self._proposed(here, slopes, size) for size in regions])
+            best = min(points, key=_merit)
+            pays = best.merit < (1 - _WORTH_A_STEP) * here.merit
+            region = 2 * regions[points.index(best)] if pays else regions[-1] / 2
+            on_step()
+            if region * self.grinder.most_m < _SMALLEST_REGION_M:
+                return min(here, best, key=_merit)
+            if best.merit < here.merit:
+                here, slopes = best, self._slopes(best)
+        return here
 
     def _slopes(self, here: _Point) -> Real:
         """(n_constraint, n_spline), what each coefficient does to each constraint."""
@@ -257,6 +259,14 @@ def splines(x_m: Real, first_m: float, last_m: float, knots_m: float) -> Real:
     begin = (first_m + last_m - (count + 3) * knots_m) / 2
     one = BSpline.basis_element(np.arange(5.0), extrapolate=False)
     return np.nan_to_num(one((x_m[:, None] - begin) / knots_m - np.arange(count)))
+
+
+def _softened(x_m: Real, z_m: Real, curvature_per_m: float) -> Real:
+    """Lower envelope, (n,), of parabolas that stand on the surface (n,)."""
+    at = np.linspace(x_m[0], x_m[-1], _STANDING)
+    squares = (at[:, None] - at) ** 2 / 2
+    lower = np.min(np.interp(at, x_m, z_m) + curvature_per_m * squares, axis=1)
+    return np.minimum(np.interp(x_m, at, lower), z_m)
 
 
 def closed(x_m: Real, z_m: Real, radius_m: float) -> Real:
