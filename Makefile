@@ -40,5 +40,5 @@ schema: $(READY)
 $(READY): pyproject.toml constraints.txt setup.py setup.cfg package.xml launch/weld_force.launch.py
 	$(PYTHON) -c 'import sys; sys.exit(0 if (3, 11) <= sys.version_info[:2] < (3, 14) else "Python 3.11 to 3.13 is needed; name it: make PYTHON=python3.12")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ros,report,test]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ros,report,campaign,test]'
 	touch $(READY)

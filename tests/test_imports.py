@@ -10,7 +10,10 @@ ROOT = Path(__file__).parent.parent
 
 BLOCKED = """
 import sys
-OPTIONAL = {"rclpy", "std_msgs", "matplotlib", "plotly", "dask", "distributed", "pymoo", "pyarrow", "watchfiles"}
+OPTIONAL = {
+    "rclpy", "std_msgs", "matplotlib", "plotly", "dask", "distributed", "zarr", "xarray", "duckdb", "pymoo", "pyarrow",
+    "watchfiles",
+}
 class Blocker:
     def find_spec(self, name, path=None, target=None):
         if name.partition(".")[0] in OPTIONAL:

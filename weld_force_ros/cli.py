@@ -15,7 +15,17 @@ from typing import TYPE_CHECKING, Annotated, Any, cast, get_args
 import msgspec
 import typer
 
-from weld_force_ros import cli_bag, cli_nodes, cli_replay, cli_report, cli_show, cli_study, json_lines
+from weld_force_ros import (
+    cli_bag,
+    cli_campaign,
+    cli_nodes,
+    cli_population,
+    cli_replay,
+    cli_report,
+    cli_show,
+    cli_study,
+    json_lines,
+)
 from weld_force_ros.cli_options import (
     EngineName,
     Hertz,
@@ -51,7 +61,9 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.add_typer(cli_bag.app, name="bag")
+app.add_typer(cli_campaign.app, name="campaign")
 app.add_typer(cli_study.app, name="study")
+app.command()(cli_population.population)
 app.command()(cli_nodes.demo)
 app.command()(cli_nodes.up)
 app.command(context_settings={"ignore_unknown_options": True, "allow_extra_args": True})(cli_nodes.node)

@@ -1,0 +1,165 @@
+"""The campaign's file (YAML): which welds, on which tracks under which vehicles, at which speeds, by which limits."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta, UnsetType
+
+from weld_force_ros import assess, tracks
+from weld_force_ros.contract import AssessmentSettings, Name, SimulationSettings, legible
+from weld_force_ros.errors import InputError
+from weld_force_ros.profiles import PlainForm
+
+DEFAULT_BATCH_WELDS = 256
+OWN_WHEEL = "own"
+"""The vehicle of a campaign that names none: the track's own wheel."""
+
+Label = Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,59}$")]
+"""A name that may also be a folder's."""
+
+_REMEDY = 'write it as the README\'s page "A whole network" shows'
+
+
+class SourceFile(msgspec.Struct, forbid_unknown_fields=True):
+    """Where welds come from: exactly one of a folder of profile files, a Parquet table, or a bag."""
+
+    folder: str | UnsetType = msgspec.UNSET
+    table: str | UnsetType = msgspec.UNSET
+    bag: str | UnsetType = msgspec.UNSET
+    line: Annotated[str, Meta(max_length=200)] = ""
+    form: dict[str, Any] = {}
+
+    @property
+    def named(self) -> tuple[str, str]:
+        """Its kind, and the path as the file names it."""
+        given = [(kind, path) for kind in ("folder", "table", "bag") if isinstance(path := getattr(self, kind), str)]
+        if len(given) != 1:
+            raise ValueError("each source is one of folder, table and bag")
+        return given[0]
+
+    def plain_form(self) -> PlainForm | None:
+        """What plain files of the folder do not say of themselves."""
+        if unknown := self.form.keys() - PlainForm.__dataclass_fields__.keys():
+            raise ValueError(f"form: {', '.join(sorted(unknown))} is unknown")
+        return msgspec.convert(self.form, PlainForm) if self.form else None
+
+
+class _Wheel(msgspec.Struct, forbid_unknown_fields=True):
+    mass_kg: float | None = None
+    static_load_n: float | None = None
+    radius_m: float | None = None
+    hertz_n_per_m15: float | None = None
+
+
+class _SectionFile(msgspec.Struct, forbid_unknown_fields=True):
+    name: Label
+    track: str = "bilbao"
+    lines: list[str] = []
+    chainage_m: tuple[float, float] | None = None
+    vehicles: list[Label] | None = None
+
+
+class _CampaignFile(msgspec.Struct, forbid_unknown_fields=True):
+    name: Name
+    sources: Annotated[list[SourceFile], Meta(min_length=1)]
+    sections: list[_SectionFile] = []
+    vehicles: dict[Label, _Wheel] = {}
+    speeds: str | list[float] = assess.DEFAULT_SPEEDS
+    positions: int | str | list[float] = assess.DEFAULT_POSITIONS
+    engine: str = "common-poles"
+    limits: str | None = None
+    batch_welds: Annotated[int, Meta(ge=1, le=10_000)] = DEFAULT_BATCH_WELDS
+    out: str | None = None
+
+
+class Section(msgspec.Struct, frozen=True):
+    """A part of the network of one track, with the settings of every vehicle that runs there.
+
+    Attributes:
+        lines: it is on one of them; on any if empty.
+        chainage_m: from the one up to the other; anywhere, of a weld of unknown chainage too, if None.
+    """
+
+    name: str
+    lines: list[str]
+    chainage_m: tuple[float, float] | None
+    vehicles: dict[str, SimulationSettings]
+
+    def holds(self, line: str, chainage_m: float | UnsetType) -> bool:
+        """Whether a weld lies in it."""
+        if self.lines and line not in self.lines:
+            return False
+        if self.chainage_m is None:
+            return True
+        return isinstance(chainage_m, float) and self.chainage_m[0] <= chainage_m < self.chainage_m[1]
+
+
+class Campaign(msgspec.Struct, frozen=True):
+    """A campaign as its file states it, complete and checked; `out` and `folder` are where paths lead from."""
+
+    name: str
+    sources: list[SourceFile]
+    sections: list[Section]
+    limits: AssessmentSettings
+    batch_welds: int
+    folder: Path
+    out: Path
+
+
+def read(path: Path) -> Campaign:
+    """Read a campaign's file; paths in it lead from its folder.
+
+    Raises:
+        InputError: not readable, not of that form, or asking for something that cannot be simulated.
+    """
+    try:
+        file = tracks.decode_yaml(tracks.read_yaml(path), _CampaignFile)
+        for source in file.sources:
+            _ = source.named, source.plain_form()
+    except (OSError, msgspec.DecodeError, ValueError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        raise InputError(f"campaign {path}: {legible(reason)}", _REMEDY) from None
+    folder = path.absolute().parent
+    sections = file.sections or [_SectionFile("everywhere")]
+    names = [section.name for section in sections]
+    if len(set(names)) < len(names):
+        raise InputError(f"campaign {path}: two sections of one name", "give each section a name of its own")
+    return Campaign(
+        name=file.name,
+        sources=file.sources,
+        sections=[_section(section, file, folder, path) for section in sections],
+        limits=assess.load_limits(folder / file.limits if file.limits else None),
+        batch_welds=file.batch_welds,
+        folder=folder,
+        out=folder / (file.out or f"{path.stem}-results"),
+    )
+
+
+def _section(section: _SectionFile, file: _CampaignFile, folder: Path, path: Path) -> Section:
+    vehicles = file.vehicles or {OWN_WHEEL: _Wheel()}
+    chosen = list(vehicles) if section.vehicles is None else section.vehicles
+    if unknown := [name for name in chosen if name not in vehicles]:
+        raise InputError(
+            f"campaign {path}, section {section.name}: vehicle {unknown[0]} is not described", "add it to `vehicles`"
+        )
+    return Section(
+        section.name,
+        section.lines,
+        section.chainage_m,
+        {name: _settings(section.track, vehicles[name], file, folder) for name in chosen},
+    )
+
+
+def _settings(track: str, wheel: _Wheel, file: _CampaignFile, folder: Path) -> SimulationSettings:
+    speeds, positions = file.speeds, file.positions
+    return assess.simulation_settings(
+        track=track if track in tracks.shipped() else str(folder / track),
+        engine=file.engine,
+        speeds_kmh=assess.parse_speeds(speeds) if isinstance(speeds, str) else speeds,
+        positions=assess.parse_positions(positions) if isinstance(positions, str) else positions,
+        wheel_mass_kg=wheel.mass_kg,
+        static_load_n=wheel.static_load_n,
+        wheel_radius_m=wheel.radius_m,
+        hertz_n_per_m15=wheel.hertz_n_per_m15,
+    )

@@ -1,0 +1,147 @@
+"""How long a campaign will take and how much it will write, from a few welds timed on this machine.
+
+    time = start + max(welds x vehicles x time of one / (workers x EFFICIENCY), batches x DRIVER_S)
+    size = batches x size of an empty batch + welds x vehicles x size of one
+
+The time of one is measured in this process on one thread, reading, judging and writing included; another machine is
+faster or slower in proportion. The range is twice the standard error of the timed welds' mean, to either side.
+"""
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from weld_force_ros.campaign import sources, store, work
+from weld_force_ros.campaign.plan import Plan
+from weld_force_ros.campaign.sources import Batch, Piece
+from weld_force_ros.campaign.work import Assessor, Found, Refused
+
+EFFICIENCY = 0.9
+"""Of a worker beside others: they share memory, caches and the cores' clock."""
+START_S = 6.0
+"""Until workers have started, imported and loaded compiled code."""
+DRIVER_S = 0.01
+"""A batch's time in the scheduler and its client, which is not shared out."""
+
+TIMED_WELDS = 48
+_PLACES = 6
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a run will take, with what it was computed from.
+
+    Attributes:
+        weld_s: of one weld under one vehicle on one thread, and twice its standard error.
+        vehicle_share: how many vehicles run over a weld, on average of the timed ones.
+        batch_bytes: of a batch without welds.
+        weld_bytes: of one weld under one vehicle.
+    """
+
+    welds: int
+    batches: int
+    workers: int
+    weld_s: tuple[float, float]
+    vehicle_share: float
+    batch_bytes: float
+    weld_bytes: float
+
+    @property
+    def seconds(self) -> tuple[float, float, float]:
+        """Least, expected and most."""
+        mean, doubt = self.weld_s
+        low, expected, high = (self._seconds(max(0.0, weld_s)) for weld_s in (mean - doubt, mean, mean + doubt))
+        return low, expected, high
+
+    def _seconds(self, weld_s: float) -> float:
+        shared = self.welds * self.vehicle_share * weld_s / (self.workers * EFFICIENCY)
+        return START_S + max(shared, self.batches * DRIVER_S)
+
+    @property
+    def bytes(self) -> float:
+        """Of all results."""
+        return self.batches * self.batch_bytes + self.welds * self.vehicle_share * self.weld_bytes
+
+
+def estimate(plan: Plan, workers: int, on_weld: Callable[[], None] = lambda: None) -> Estimate:
+    """Time a few welds of a plan from all over its sources, and see how large their results are."""
+    assessor = Assessor(plan)
+    trials = list(_trials(plan))
+    list(assessor.assess(trials[0]))  # loads compiled code and makes the speeds' tables
+    seconds: list[float] = []
+    outcomes: list[Found | Refused] = []
+    shares: list[int] = []
+    for trial in trials:
+        began = time.perf_counter()
+        found = list(assessor.assess(trial))
+        seconds.append((time.perf_counter() - began) / max(1, len(found)))
+        shares.append(len(found))
+        outcomes += found
+        on_weld()
+    saved_s, batch_bytes, weld_bytes = _saved(plan, outcomes)
+    error = 2 * float(np.std(seconds)) / len(seconds) ** 0.5
+    return Estimate(
+        welds=plan.welds,
+        batches=plan.batches,
+        workers=workers,
+        weld_s=(float(np.mean(seconds)) + saved_s, error),
+        vehicle_share=float(np.mean(shares)),
+        batch_bytes=batch_bytes,
+        weld_bytes=weld_bytes,
+    )
+
+
+def _trials(plan: Plan) -> Iterator[Batch]:
+    """Single welds, some at each of a few places, evenly over all."""
+    total = plan.batches
+    chosen = set(np.linspace(0, total - 1, min(_PLACES, total)).astype(int).tolist())
+    of_each = -(-TIMED_WELDS // len(chosen))
+    for batch in sources.batches(plan.sources, plan.batch_welds):
+        if batch.number in chosen:
+            for place in np.unique(np.linspace(0, batch.welds - 1, min(of_each, batch.welds)).astype(int)).tolist():
+                yield _only(batch, place)
+
+
+def _only(batch: Batch, place: int) -> Batch:
+    """The batch that holds just the weld at a place of another."""
+    at = 0
+    for piece in batch.pieces:
+        if place < at + piece.count:
+            own = place - at
+            return Batch(0, 0, [Piece(piece.source, piece.first + own, 1, piece.files[own : own + 1])])
+        at += piece.count
+    raise IndexError(place)
+
+
+def _saved(plan: Plan, outcomes: list[Found | Refused]) -> tuple[float, float, float]:
+    """Seconds of an outcome's writing within a full batch, and bytes of a batch and an outcome.
+
+    From the outcomes written all together and half of them: what grows with them is theirs.
+    """
+    numbered = [one._replace(number=n) if isinstance(one, Found) else one for n, one in enumerate(outcomes)]
+    count = len(numbered)
+    with tempfile.TemporaryDirectory(prefix="weld-force-plan-") as folder:
+        out = Path(folder)
+        trial = Plan(plan.software, plan.name, [], plan.sections, plan.limits, max(count, plan.batch_welds))
+        store.create_maps(_of(trial, count), out)
+        half = _written(numbered[: count // 2], 0, out, count)
+        began = time.perf_counter()
+        all_of_them = _written(numbered, 0, out, count)
+        taken = time.perf_counter() - began
+    weld_bytes = max(0.0, (all_of_them - half) / max(1, count - count // 2))
+    return taken / max(count, plan.batch_welds), max(0.0, all_of_them - count * weld_bytes), weld_bytes
+
+
+def _of(plan: Plan, welds: int) -> Plan:
+    source = sources.Source("table", "", "", "", welds, "")
+    return Plan(plan.software, plan.name, [source], plan.sections, plan.limits, plan.batch_welds)
+
+
+def _written(outcomes: list[Found | Refused], number: int, out: Path, welds: int) -> int:
+    batch = Batch(number, 0, [Piece(0, 0, welds)])
+    record = work.save(outcomes, batch, out, "")
+    return sum((out / name).stat().st_size for name in record.files)

@@ -1,0 +1,119 @@
+"""What a campaign will do, fixed before it begins; kept beside the results, as a resumed run must do the same."""
+
+import hashlib
+from pathlib import Path
+
+import msgspec
+
+from weld_force_ros import user_cache
+from weld_force_ros.assess import SOFTWARE
+from weld_force_ros.campaign.definition import Campaign, Section
+from weld_force_ros.campaign.sources import Source
+from weld_force_ros.contract import AssessmentSettings
+from weld_force_ros.errors import InputError
+
+_FILE = "plan.json"
+
+
+class Plan(msgspec.Struct, frozen=True):
+    """All that the results depend on."""
+
+    software: str
+    name: str
+    sources: list[Source]
+    sections: list[Section]
+    limits: AssessmentSettings
+    batch_welds: int
+
+    @property
+    def welds(self) -> int:
+        """Of all sources."""
+        return sum(source.welds for source in self.sources)
+
+    @property
+    def batches(self) -> int:
+        """How many."""
+        return -(-self.welds // self.batch_welds)
+
+    @property
+    def vehicles(self) -> int:
+        """The most that run over one weld."""
+        return max(len(section.vehicles) for section in self.sections)
+
+    @property
+    def passages(self) -> int:
+        """Of one weld, at most."""
+        return max(
+            sum(len(settings.speeds_kmh) * len(settings.positions_m) for settings in section.vehicles.values())
+            for section in self.sections
+        )
+
+    @property
+    def sha256(self) -> str:
+        """Its identity."""
+        return hashlib.sha256(msgspec.json.encode(self, order="sorted")).hexdigest()
+
+
+def make(campaign: Campaign, sources: list[Source]) -> Plan:
+    """The plan of a campaign over its sources."""
+    return Plan(SOFTWARE, campaign.name, sources, campaign.sections, campaign.limits, campaign.batch_welds)
+
+
+def adopt(plan: Plan, out: Path) -> bool:
+    """Make `out` the folder of this plan's results; returns whether it was already.
+
+    Raises:
+        InputError: other results are there, or the folder cannot be written.
+    """
+    try:
+        there = load(out)
+    except FileNotFoundError:
+        _begin(plan, out)
+        return False
+    if there.sha256 != plan.sha256:
+        raise InputError(
+            f"{out} holds the results of another campaign, or of other sources ({_difference(there, plan)})",
+            "give another --out, or remove that folder",
+        )
+    return True
+
+
+def _begin(plan: Plan, out: Path) -> None:
+    try:
+        user_cache.write_whole(msgspec.json.format(msgspec.json.encode(plan)), out / _FILE)
+    except OSError as error:
+        raise InputError(f"{out}: {error.strerror or error}", "give --out a writable folder") from None
+
+
+def _difference(there: Plan, plan: Plan) -> str:
+    names = [name for name in Plan.__struct_fields__ if getattr(there, name) != getattr(plan, name)]
+    return "other " + ", ".join(names)
+
+
+def load(out: Path) -> Plan:
+    """The plan whose results are in a folder.
+
+    Raises:
+        FileNotFoundError: there is none.
+        InputError: it cannot be read.
+    """
+    try:
+        return msgspec.json.decode((out / _FILE).read_bytes(), type=Plan)
+    except (FileNotFoundError, NotADirectoryError):
+        raise FileNotFoundError(out / _FILE) from None
+    except (OSError, msgspec.DecodeError) as error:
+        raise InputError(f"{out / _FILE}: {error}", "remove that folder, or give another --out") from None
+
+
+def results(out: Path) -> Plan:
+    """The plan whose results are to be looked at.
+
+    Raises:
+        InputError: no campaign was run there.
+    """
+    try:
+        return load(out)
+    except FileNotFoundError:
+        raise InputError(
+            f"{out} holds no results of a campaign", "name the folder that `weld-force campaign` wrote"
+        ) from None

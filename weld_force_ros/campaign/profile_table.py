@@ -1,0 +1,168 @@
+"""Welds as a Parquet table, a row each: the columns of a `contract.WeldProfile`, conditioned as that is.
+
+Only `x_m` and `z_m` (lists of m) must be there. What is wrong with a row concerns this row alone.
+"""
+
+import itertools
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+import pyarrow as pa  # type: ignore[import-untyped]
+import pyarrow.parquet as pq  # type: ignore[import-untyped]
+from msgspec import UNSET
+
+from weld_force_ros.bag.writing import PART
+from weld_force_ros.contract import WeldProfile, legible, profile_problem, profile_sha256
+from weld_force_ros.errors import InputError
+
+ROW_GROUP = 256
+"""Rows that are read together: a batch's, so that nothing is read for nothing."""
+
+_TEXTS = ("weld_id", "source", "rail", "instrument", "profile_sha256", "source_sha256")
+_NUMBERS = ("chainage_m", "line_speed_kmh", "weld_position_m")
+_LISTS = ("x_m", "z_m")
+_UNUSABLE = "unusable"
+_REMEDY = "correct this row"
+
+SCHEMA = pa.schema(
+    [(name, pa.string()) for name in _TEXTS]
+    + [(name, pa.float64()) for name in _NUMBERS]
+    + [(name, pa.list_(pa.float64())) for name in _LISTS]
+    + [(_UNUSABLE, pa.string())]
+)
+
+
+class Unusable(NamedTuple):
+    """A weld that cannot be assessed: where it was to come from, why, and what to do."""
+
+    source: str
+    reason: str
+    remedy: str
+
+
+Weld = WeldProfile | Unusable
+
+
+def write(path: Path, welds: Iterable[Weld]) -> int:
+    """Write a table that is there as a whole or not at all; returns its rows.
+
+    Raises:
+        InputError: the place cannot be written.
+    """
+    part = path.with_name(path.name + PART)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        count = _write(part, welds)
+        part.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}", "name a file in a writable folder") from None
+    return count
+
+
+def _write(path: Path, welds: Iterable[Weld]) -> int:
+    count, rows = 0, []
+    with pq.ParquetWriter(path, SCHEMA, compression="zstd") as writer:
+        for weld in welds:
+            rows.append(_row(weld))
+            if len(rows) == ROW_GROUP:
+                writer.write_table(pa.Table.from_pylist(rows, SCHEMA))
+                count += len(rows)
+                rows.clear()
+        if rows:
+            writer.write_table(pa.Table.from_pylist(rows, SCHEMA))
+    return count + len(rows)
+
+
+def _row(weld: Weld) -> dict[str, Any]:
+    if isinstance(weld, Unusable):
+        return {"source": weld.source, _UNUSABLE: f"{weld.reason}; {weld.remedy}"}
+    row = {name: getattr(weld, name) for name in (*_TEXTS, *_NUMBERS)}
+    return {name: value for name, value in row.items() if value is not UNSET} | {
+        name: np.asarray(getattr(weld, name)) for name in _LISTS
+    }
+
+
+def rows_of(path: Path) -> int:
+    """How many rows a table has.
+
+    Raises:
+        InputError: it cannot be read, or has no profiles.
+    """
+    remedy = "give a Parquet file with columns x_m and z_m, lists of m"
+    try:
+        with pq.ParquetFile(path) as file:
+            absent = [name for name in _LISTS if name not in file.schema_arrow.names]
+            count: int = file.metadata.num_rows
+    except (OSError, pa.ArrowException) as error:
+        raise InputError(f"{path}: {legible(str(error))}", remedy) from None
+    if absent:
+        raise InputError(f"{path}: no column {' and '.join(absent)}", remedy)
+    return count
+
+
+def read(path: Path, first: int, count: int) -> Iterator[Weld]:
+    """Rows `first` to `first + count` of a table; of one that turned out unreadable, as many unusable ones."""
+    given = 0
+    try:
+        for table in _tables(path, first, count):
+            for weld in _welds(path, first + given, table):
+                yield weld
+                given += 1
+    except (OSError, pa.ArrowException) as error:
+        reason = f"{path.name}: {legible(str(error))}"
+        for row in range(first + given, first + count):
+            yield Unusable(f"{path.name}, row {row + 1}", reason, "write the table again")
+
+
+def _tables(path: Path, first: int, count: int) -> Iterator[Any]:
+    """The rows as tables, no more of the file decoded than the row groups they are in."""
+    with pq.ParquetFile(path) as file:
+        columns = [name for name in SCHEMA.names if name in file.schema_arrow.names]
+        group, skipped = 0, 0
+        while skipped + file.metadata.row_group(group).num_rows <= first:
+            skipped += file.metadata.row_group(group).num_rows
+            group += 1
+        groups = list(range(group, file.metadata.num_row_groups))
+        behind, rest = first - skipped, count
+        for batch in file.iter_batches(ROW_GROUP, row_groups=groups, columns=columns, use_threads=False):
+            chosen = pa.Table.from_batches([batch]).slice(behind, rest)
+            behind, rest = max(0, behind - len(batch)), rest - len(chosen)
+            if len(chosen):
+                yield chosen
+            if rest == 0:
+                return
+
+
+def _welds(path: Path, first: int, table: Any) -> Iterator[Weld]:
+    stated = [name for name in table.column_names if name not in _LISTS]
+    rows = table.select(stated).to_pylist() if stated else [{} for _ in range(len(table))]
+    lists = [_lists(table.column(name)) for name in _LISTS]
+    for number, (row, x_m, z_m) in enumerate(zip(rows, *lists, strict=True), start=first + 1):
+        yield _weld(f"{path.name}, row {number}", f"{path.stem}-{number}", row, x_m, z_m)
+
+
+def _lists(column: Any) -> list[list[float]]:
+    """A column's lists; much faster than value by value."""
+    array = column.cast(pa.list_(pa.float64())).combine_chunks()
+    flat = array.values.to_numpy(zero_copy_only=False)
+    ends = array.offsets.to_numpy()
+    return [flat[begin:end].tolist() for begin, end in itertools.pairwise(ends)]
+
+
+def _weld(where: str, weld_id: str, row: dict[str, Any], x_m: list[float], z_m: list[float]) -> Weld:
+    if unusable := row.pop(_UNUSABLE, None):
+        reason, _, remedy = unusable.rpartition("; ")
+        return Unusable(row.get("source") or where, reason, remedy)
+    content = {"weld_id": weld_id, "source": where[-200:]} | {k: v for k, v in row.items() if v is not None}
+    try:
+        if problem := profile_problem(x_m, z_m):
+            return Unusable(where, problem, _REMEDY)
+        own = profile_sha256(x_m, z_m)
+        if content.setdefault("profile_sha256", own) != own:
+            return Unusable(where, "profile_sha256 is not the hash of x_m and z_m", _REMEDY)
+        return msgspec.convert(content | {"x_m": x_m, "z_m": z_m}, WeldProfile)
+    except (msgspec.ValidationError, ValueError) as error:
+        return Unusable(where, legible(str(error)), _REMEDY)

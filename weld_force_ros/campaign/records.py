@@ -1,0 +1,106 @@
+"""What is finished: a record for each batch, written last and whole, and a manifest of all of them.
+
+Records name every file of a batch with its hash. A batch without a record, or with files that do not match, is assessed
+again; as results depend on nothing but the plan, it comes out the same.
+"""
+
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+
+from weld_force_ros import user_cache
+
+FOLDER = "done"
+MANIFEST = "manifest.json"
+
+
+class Record(msgspec.Struct, frozen=True):
+    """A finished batch.
+
+    Attributes:
+        plan_sha256: of the plan it belongs to.
+        verdicts: one for each weld and vehicle.
+        rejections: welds, or vehicles over a weld, that could not be assessed.
+        files: of its results, below the campaign's folder, with their SHA-256.
+    """
+
+    plan_sha256: str
+    batch: int
+    welds: int
+    verdicts: int
+    rejections: int
+    files: dict[str, str]
+
+
+class Manifest(msgspec.Struct, frozen=True):
+    """A finished campaign; `results_sha256` is of all names and hashes, so that two campaigns compare by it."""
+
+    plan_sha256: str
+    software: str
+    batches: int
+    welds: int
+    verdicts: int
+    rejections: int
+    results_sha256: str
+    files: dict[str, str]
+
+
+def keep(record: Record, out: Path) -> None:
+    """Say that a batch is finished."""
+    user_cache.write_whole(msgspec.json.encode(record), _path(out, record.batch))
+
+
+def finished(out: Path, plan_sha256: str, batches: int) -> Iterator[Record]:
+    """The records of a plan's batches whose files are all there and as they were written."""
+    for number in range(batches):
+        record = _read(_path(out, number))
+        if record is not None and record.plan_sha256 == plan_sha256 and not differing(record.files, out):
+            yield record
+
+
+def differing(files: dict[str, str], out: Path) -> list[str]:
+    """The files that are missing or other than recorded."""
+    return [name for name, sha256 in files.items() if _sha256(out / name) != sha256]
+
+
+def complete(out: Path, plan_sha256: str, software: str, batches: int) -> Manifest:
+    """Write the manifest of a campaign all of whose batches are finished.
+
+    Raises:
+        OSError: the manifest cannot be written.
+    """
+    records = [record for n in range(batches) if (record := _read(_path(out, n)))]
+    files = {name: sha256 for record in records for name, sha256 in record.files.items()}
+    manifest = Manifest(
+        plan_sha256,
+        software,
+        len(records),
+        sum(record.welds for record in records),
+        sum(record.verdicts for record in records),
+        sum(record.rejections for record in records),
+        hashlib.sha256(msgspec.json.encode(files, order="sorted")).hexdigest(),
+        files,
+    )
+    user_cache.write_whole(msgspec.json.format(msgspec.json.encode(manifest), indent=1), out / MANIFEST)
+    return manifest
+
+
+def _path(out: Path, batch: int) -> Path:
+    return out / FOLDER / f"{batch:06d}.json"
+
+
+def _read(path: Path) -> Record | None:
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Record)
+    except (OSError, msgspec.DecodeError):
+        return None
+
+
+def _sha256(path: Path) -> str | None:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return None

@@ -1,0 +1,174 @@
+"""Where a campaign's welds come from, counted, and cut into batches of one size across all sources.
+
+A weld's number is its place in the order of the sources; files of a folder are taken in the order of their names. A bag
+is read once, into a table beside the results: a batch then need not read what lies before it.
+"""
+
+import hashlib
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from weld_force_ros import contract
+from weld_force_ros.bag import contract_messages, open_bag
+from weld_force_ros.campaign import profile_table
+from weld_force_ros.campaign.definition import Campaign, SourceFile
+from weld_force_ros.campaign.profile_table import Unusable, Weld
+from weld_force_ros.contract import WeldProfile
+from weld_force_ros.errors import BagError, InputError, ProfileError
+from weld_force_ros.profiles import PlainForm, read_profile
+
+UNPACKED = "unpacked"
+"""Folder beside the results for bags as tables."""
+
+
+class Source(msgspec.Struct, frozen=True):
+    """Welds of one folder or table.
+
+    Attributes:
+        path: absolute.
+        origin: as the campaign's file names it.
+        line: that the welds are on.
+        welds: how many.
+        state: digest of names, sizes and times of change: another one is another source.
+        form: of plain files.
+    """
+
+    kind: Literal["folder", "table"]
+    path: str
+    origin: str
+    line: str
+    welds: int
+    state: str
+    form: PlainForm | None = None
+
+
+class Piece(msgspec.Struct, frozen=True):
+    """Part of a source: `count` welds from `first` on; of a folder, their files."""
+
+    source: int
+    first: int
+    count: int
+    files: list[str] = []
+
+
+class Batch(msgspec.Struct, frozen=True):
+    """Welds that are assessed together; `first` is the number of the first one."""
+
+    number: int
+    first: int
+    pieces: list[Piece]
+
+    @property
+    def welds(self) -> int:
+        """How many."""
+        return sum(piece.count for piece in self.pieces)
+
+
+def find(campaign: Campaign, say: Callable[[str], None] = lambda _: None) -> list[Source]:
+    """The sources of a campaign, with bags unpacked.
+
+    Args:
+        campaign: whose.
+        say: told what takes time.
+
+    Raises:
+        InputError: a source is not there, cannot be read or holds nothing.
+    """
+    return [found for source in campaign.sources for found in _found(source, campaign, say)]
+
+
+def _found(source: SourceFile, campaign: Campaign, say: Callable[[str], None]) -> list[Source]:
+    kind, origin = source.named
+    path = campaign.folder / origin
+    if not path.exists():
+        raise InputError(f"{kind} {origin}: not there", "paths lead from the campaign file's folder")
+    match kind:
+        case "folder":
+            files, form = _files(path), source.plain_form()
+            found = [Source("folder", str(path), origin, source.line, len(files), _state(path, files), form)]
+        case "table":
+            tables = sorted(path.rglob("*.parquet")) if path.is_dir() else [path]
+            found = [_table(table, origin, source.line) for table in tables]
+        case _:
+            found = [_bag(path, origin, source.line, campaign.out / UNPACKED, say)]
+    if not sum(one.welds for one in found):
+        raise InputError(f"{kind} {origin} holds no weld", "name one that does")
+    return found
+
+
+def _table(path: Path, origin: str, line: str) -> Source:
+    return Source("table", str(path), origin, line, profile_table.rows_of(path), _state(path.parent, [path.name]))
+
+
+def _files(folder: Path) -> list[str]:
+    """All files below a folder but hidden ones and those that are still being written, as paths from there."""
+    found = []
+    for where, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        below = os.path.relpath(where, folder)
+        found += [os.path.normpath(os.path.join(below, name)) for name in names if not name.startswith(".")]
+    return sorted(name for name in found if not name.endswith((".part", ".partial")))
+
+
+def _state(folder: Path, files: list[str]) -> str:
+    digest = hashlib.sha256()
+    for name in files:
+        stat = os.stat(folder / name)
+        digest.update(f"{name}\0{stat.st_size}\0{stat.st_mtime_ns}\n".encode(errors="surrogateescape"))
+    return digest.hexdigest()
+
+
+def _bag(path: Path, origin: str, line: str, unpacked: Path, say: Callable[[str], None]) -> Source:
+    recordings = [path] if path.is_file() else sorted(path.rglob("*.mcap"))
+    state = _state(path.parent, [str(file.relative_to(path.parent)) for file in recordings])
+    table = unpacked / f"{path.name}-{state[:16]}.parquet"
+    if not table.exists():
+        say(f"reading {origin}")
+        profile_table.write(table, _recorded(path))
+    return Source("table", str(table), origin, line, profile_table.rows_of(table), state)
+
+
+def _recorded(path: Path) -> Iterator[Weld]:
+    """Each measurement of a bag once, and what of it cannot be read."""
+    seen = set()
+    for _, message, _ in contract_messages(open_bag(path)):
+        if isinstance(message, BagError):
+            yield Unusable(path.name, message.reason, message.remedy)
+        elif isinstance(message, WeldProfile) and (who := contract.identity(message)) not in seen:
+            seen.add(who)
+            yield message
+
+
+def batches(sources: list[Source], size: int) -> Iterator[Batch]:
+    """All welds in batches of `size`, the last one of what is left."""
+    number, pieces, room = 0, list[Piece](), size
+    for index, source in enumerate(sources):
+        files = _files(Path(source.path)) if source.kind == "folder" else []
+        at = 0
+        while at < source.welds:
+            count = min(room, source.welds - at)
+            pieces.append(Piece(index, at, count, files[at : at + count]))
+            at, room = at + count, room - count
+            if room == 0:
+                yield Batch(number, number * size, pieces)
+                number, pieces, room = number + 1, [], size
+    if pieces:
+        yield Batch(number, number * size, pieces)
+
+
+def read(source: Source, piece: Piece) -> Iterator[Weld]:
+    """The welds of a piece, one for each that was counted."""
+    path = Path(source.path)
+    if source.kind == "table":
+        yield from profile_table.read(path, piece.first, piece.count)
+        return
+    for name in piece.files:
+        try:
+            yield read_profile(path / name, source.form)
+        except ProfileError as error:
+            legible_name = name.encode(errors="replace").decode()
+            yield Unusable(legible_name, error.reason.removeprefix(f"{path / name}: "), error.remedy)

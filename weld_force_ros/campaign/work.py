@@ -1,0 +1,182 @@
+"""The task: a batch of welds assessed and its results written, by any process that sees the campaign's folder.
+
+A process makes simulators once, on one thread: there is one process a core. Nothing but a batch's description goes to
+it, nothing but a record comes back.
+"""
+
+import threading
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+import pyarrow as pa  # type: ignore[import-untyped]
+from msgspec import UNSET
+from threadpoolctl import threadpool_limits
+
+from weld_force_ros import fits, tracks
+from weld_force_ros.assess import Simulator, judge
+from weld_force_ros.campaign import plan as plans
+from weld_force_ros.campaign import records, sources, store, tables
+from weld_force_ros.campaign.definition import Section
+from weld_force_ros.campaign.plan import Plan
+from weld_force_ros.campaign.profile_table import Unusable, Weld
+from weld_force_ros.campaign.records import Record
+from weld_force_ros.campaign.sources import Batch, Source
+from weld_force_ros.contract import ForceMap, WeldProfile
+from weld_force_ros.errors import InputError, WeldForceError
+
+FITS = "fits"
+"""Folder beside the results for the fits of its tracks."""
+
+_making = threading.Lock()
+
+
+class Found(NamedTuple):
+    """A weld under a vehicle."""
+
+    number: int
+    section: str
+    vehicle: str
+    row: dict[str, Any]
+    speeds: dict[str, Any]
+    force_map: ForceMap
+
+
+class Refused(NamedTuple):
+    """A row of `tables.REJECTIONS`."""
+
+    row: dict[str, Any]
+
+
+def assess_batch(out: str, plan_sha256: str, batch: Batch) -> Record:
+    """Assess a batch, write its results and say that it is finished."""
+    with threadpool_limits(limits=1):
+        return save(list(_assessor(Path(out), plan_sha256).assess(batch)), batch, Path(out), plan_sha256)
+
+
+def _assessor(out: Path, plan_sha256: str) -> "Assessor":
+    with _making:  # not by several threads of a worker at once
+        return _remembered(out, plan_sha256)
+
+
+@lru_cache(2)
+def _remembered(out: Path, plan_sha256: str) -> "Assessor":
+    plan = plans.results(out)
+    if plan.sha256 != plan_sha256:
+        raise InputError(f"{out} holds another plan than the one that is run", "run one campaign a folder")
+    take_fits(out)
+    return Assessor(plan)
+
+
+class Assessor:
+    """Assesses the welds of a plan."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self._simulators = {
+            settings.config_sha256: Simulator(settings, threads=1, curves=False)
+            for section in plan.sections
+            for settings in section.vehicles.values()
+        }
+
+    def assess(self, batch: Batch) -> Iterator[Found | Refused]:
+        """What becomes of a batch's welds, in their order."""
+        number = batch.first
+        for piece in batch.pieces:
+            source = self.plan.sources[piece.source]
+            for weld in sources.read(source, piece):
+                yield from self._outcomes(number, weld, source)
+                number += 1
+
+    def _outcomes(self, number: int, weld: Weld, source: Source) -> Iterator[Found | Refused]:
+        about = {"weld_number": number, "line": source.line, "origin": source.origin}
+        if isinstance(weld, Unusable):
+            yield Refused(about | weld._asdict())
+            return
+        section = next((s for s in self.plan.sections if s.holds(source.line, weld.chainage_m)), None)
+        if section is None:
+            yield Refused(
+                about
+                | {"source": weld.source, "reason": "it lies in no section of the campaign", "remedy": "add a section"}
+            )
+            return
+        for vehicle in section.vehicles:
+            yield self._outcome(about | {"vehicle": vehicle}, weld, section)
+
+    def _outcome(self, about: dict[str, Any], weld: WeldProfile, section: Section) -> Found | Refused:
+        settings, limits = section.vehicles[about["vehicle"]], self.plan.limits
+        try:
+            force_map = self._simulators[settings.config_sha256].force_map(weld)
+            verdict = judge(force_map, limits)
+        except WeldForceError as error:
+            reason, remedy = (error.reason, error.remedy) if isinstance(error, InputError) else (str(error), "")
+            return Refused(about | {"source": weld.source, "reason": reason, "remedy": remedy})
+        row = about | tables.verdict_row(weld, force_map, verdict)
+        speeds = tables.speed_columns(force_map, limits)
+        return Found(about["weld_number"], section.name, about["vehicle"], row, speeds, force_map)
+
+
+def save(outcomes: list[Found | Refused], batch: Batch, out: Path, plan_sha256: str) -> Record:
+    """Write a batch's results, then its record."""
+    found = [outcome for outcome in outcomes if isinstance(outcome, Found)]
+    refused = [outcome.row for outcome in outcomes if isinstance(outcome, Refused)]
+    files: dict[str, str] = {}
+    for section in sorted({one.section for one in found}):
+        inside = [one for one in found if one.section == section]
+        verdicts = store.table_of((one.row for one in inside), tables.VERDICTS)
+        files |= store.write_table(verdicts, out, store.part("verdicts", batch.number, section))
+        files |= store.write_table(_speeds(inside), out, store.part("speeds", batch.number, section))
+        for vehicle in sorted({one.vehicle for one in inside}):
+            blocks = _blocks([one for one in inside if one.vehicle == vehicle], batch)
+            files |= store.write_maps(blocks, out, f"{section}/{vehicle}", batch.first)
+    if refused:
+        rejections = store.table_of(refused, tables.REJECTIONS)
+        files |= store.write_table(rejections, out, store.part("rejections", batch.number))
+    record = Record(plan_sha256, batch.number, batch.welds, len(found), len(refused), files)
+    records.keep(record, out)
+    return record
+
+
+def _speeds(found: list[Found]) -> Any:
+    counts = [len(one.speeds["speed_kmh"]) for one in found]
+    columns = {name: np.concatenate([one.speeds[name] for one in found]) for name in found[0].speeds}
+    columns["weld_number"] = np.repeat([one.number for one in found], counts)
+    columns["vehicle"] = np.repeat([one.vehicle for one in found], counts)
+    return pa.table(columns, schema=tables.SPEEDS)
+
+
+def _blocks(found: list[Found], batch: Batch) -> dict[str, Any]:
+    """A batch's part of the maps, NaN where it has none."""
+    a_map = found[0].force_map
+    shape = (batch.welds, len(a_map.speeds_kmh), len(a_map.positions_m))
+    blocks: dict[str, Any] = {name: np.full(shape, np.nan, dtype=np.float32) for name in store.MAP_VARIABLES}
+    blocks["chainage_m"] = np.full(batch.welds, np.nan)
+    for one in found:
+        row = one.number - batch.first
+        for name in store.MAP_VARIABLES:
+            blocks[name][row] = np.reshape(getattr(one.force_map, name), shape[1:])
+        if one.force_map.chainage_m is not UNSET:
+            blocks["chainage_m"][row] = one.force_map.chainage_m
+    return {name: block for name, block in blocks.items() if not np.isnan(block).all()}
+
+
+def give_fits(plan: Plan, out: Path) -> None:
+    """Make the fits that the plan needs and lay them beside the results, so that no worker has to make one.
+
+    Raises:
+        OSError: they cannot be written.
+    """
+    for section in plan.sections:
+        for settings in section.vehicles.values():
+            if settings.engine != "reference":
+                fit = fits.fitted(tracks.parse(settings.track_definition, settings.track), settings.engine)
+                fits.write(fit, out / FITS / f"{fit.key}.json")
+
+
+def take_fits(out: Path) -> None:
+    """Put the fits that came with the campaign into this user's cache, from where they are loaded."""
+    for file in sorted((out / FITS).glob("*.json")):
+        fits.keep(msgspec.json.decode(file.read_bytes(), type=fits.AnyFit))
