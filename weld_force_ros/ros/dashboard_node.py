@@ -39,7 +39,7 @@ class DashboardNode(ManagedNode):
             [],
             [],
             title=f"Rail welds, {namespace}" if namespace else "Rail welds",
-            about=f"as they are judged, the newest {NEWEST:,} – ",
+            about=f"as they are judged, the newest {NEWEST:,}",
             live=True,
             newest=NEWEST,
         )
