@@ -43,24 +43,62 @@ def page(
     Raises:
         InputError: plotly or jinja2 is not installed.
     """
+    return self_contained(
+        "page.html",
+        _SCRIPTS,
+        title=title,
+        about=about,
+        live=live,
+        facts={"live": live, "title": title, "newest": newest},
+        rows=list(rows),
+        details=[
+            {"number": r["n"], "packed": base64.b64encode(d).decode()} for r, d in zip(rows, details, strict=True)
+        ],
+    )
+
+
+def self_contained(
+    template: str,
+    scripts: tuple[str, ...],
+    *,
+    title: str,
+    about: str,
+    facts: dict[str, Any],
+    rows: list[dict[str, Any]],
+    live: bool = False,
+    **more: Any,
+) -> str:
+    """A page of this look as HTML, with Plotly in it.
+
+    Args:
+        template: of `data/report_page`.
+        scripts: of the same, in the order of their use.
+        title: of the page.
+        about: a line below it.
+        facts: to be embedded as JSON, whatever they hold.
+        rows: likewise.
+        live: whether it may ask the server that it is from.
+        more: what else the template asks for; becomes text.
+
+    Raises:
+        InputError: plotly or jinja2 is not installed.
+    """
     try:
         import jinja2
     except ImportError:
         raise _missing("jinja2") from None
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
-    script = _script()
-    return environment.from_string(_read("page.html")).render(
+    script = _script(scripts)
+    return environment.from_string(_read(template)).render(
         title=title,
         about=about,
         policy=_policy(script, live),
         style=_read("page.css"),
         script=script,
-        facts=_safe_json({"live": live, "title": title, "newest": newest}),
-        rows=_safe_json(list(rows)),
+        facts=_safe_json(facts),
+        rows=_safe_json(rows),
         plotly=_plotly_packed(),
-        details=[
-            {"number": r["n"], "packed": base64.b64encode(d).decode()} for r, d in zip(rows, details, strict=True)
-        ],
+        **more,
     )
 
 
@@ -79,8 +117,8 @@ def _sha256(text: str) -> str:
 
 
 @cache
-def _script() -> str:
-    parts = "\n".join(_read(name) for name in _SCRIPTS)
+def _script(scripts: tuple[str, ...]) -> str:
+    parts = "\n".join(_read(name) for name in scripts)
     return f'"use strict";\n(() => {{\n{parts}\n}})();\n'
 
 
