@@ -21,6 +21,7 @@ from weld_force_ros.cli_options import (
     ZUnit,
     ros_module,
 )
+from weld_force_ros.cli_report import report
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -57,9 +58,11 @@ def demo(
         terminal.say(f"{passages} passages; all files dropped at once, the last verdict {slowest:.1f} s later")
     picture = _demo_picture(recording, folder / "force-maps.png")
     terminal.say(f"picture: {picture}")
+    report(result.bag, folder / "report.html", grinding=True)
     terminal.say(f"bag:     {result.bag}  ({assess.SOFTWARE})")
     terminal.say(
-        f"next:    weld-force replay {result.bag} --verify   computes every verdict again, without ROS\n"
+        f"next:    open {folder / 'report.html'}   what to do with each weld, and why\n"
+        f"         weld-force replay {result.bag} --verify   computes every verdict again, without ROS\n"
         f"         weld-force bag info {result.bag}          or ros2 bag play {result.bag}\n"
         "         weld-force up --folder MEASUREMENTS --bag BAG      the same beside your own trolley"
     )
