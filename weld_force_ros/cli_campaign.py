@@ -1,5 +1,6 @@
 """`weld-force campaign`: the welds of a whole network assessed on Dask, shown and asked."""
 
+import math
 import os
 import time
 from importlib import import_module
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
     from weld_force_ros.campaign.estimate import Estimate
     from weld_force_ros.campaign.plan import Plan
+    from weld_force_ros.campaign.query import Answer
     from weld_force_ros.campaign.records import Manifest, Record
 
 
@@ -37,9 +39,16 @@ app = typer.Typer(
     no_args_is_help=True,
 )
 
+queries = typer.Typer(help="Ask the results of a campaign.", rich_markup_mode=None, no_args_is_help=True)
+app.add_typer(queries, name="query")
+
+_SHOWN = 30
+
 File = Annotated[Path, typer.Argument(metavar="CAMPAIGN.yaml", help="What to assess, and how.")]
 Out = Annotated[Path | None, typer.Option("--out", "-o", help="Folder for the results (default: the file's own).")]
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE|-", help="Write JSON lines to a file or stdout.")]
+Results = Annotated[Path, typer.Argument(metavar="RESULTS", help="The folder that a campaign wrote.")]
+Show = Annotated[int, typer.Option(min=0, help="Rows shown at most.")]
 Workers = Annotated[
     int | None, typer.Option(min=1, max=10_000, help="Processes on this machine (default: one a core).")
 ]
@@ -52,6 +61,7 @@ def run(
     plan: Annotated[bool, typer.Option("--plan", help="Say how long it takes and how large it gets, no more.")] = False,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler; else a cluster is made.")] = None,
     workers: Workers = None,
+    page: Annotated[bool, typer.Option("--page/--no-page", help="Write the summary page.")] = True,
     json: Json = None,
 ) -> None:
     """Assess all welds of a campaign; interrupted, the same command goes on where it stopped."""
@@ -66,6 +76,75 @@ def run(
             json_lines.write(lines, _plan_line(planned, _planned(planned, count)))
         else:
             json_lines.write(lines, _result_line(_run(planned, campaign.out, scheduler, count), campaign.out))
+            if page:
+                summary(campaign.out)
+
+
+@app.command()
+def summary(results: Results) -> None:
+    """Write the summary page of results again; it needs no network to be looked at."""
+    from weld_force_ros import terminal
+
+    terminal.say(f"summary: {_module('summary').write(results)}")
+
+
+@queries.command()
+def over(
+    results: Results,
+    at: Annotated[float, typer.Option(help="Speed in km/h; the nearest computed one that is not above it counts.")],
+    peak: Annotated[float | None, typer.Option(help="Peak force in N that counts as too much.")] = None,
+    show: Show = _SHOWN,
+    json: Json = None,
+) -> None:
+    """Welds over a limit at a speed: of peak force, or the campaign's own for a line of that speed."""
+    _tell(f"Over the limit at {at:g} km/h", _module("query").over(results, at, peak), show, json)
+
+
+@queries.command()
+def worse(
+    results: Results,
+    to: Annotated[float, typer.Option(help="Speed of the restriction in km/h.")],
+    by: Annotated[float, typer.Option(help="Only those whose peak force rises by more than this share.")] = 0.0,
+    show: Show = _SHOWN,
+    json: Json = None,
+) -> None:
+    """Welds that a speed restriction would make worse."""
+    _tell(f"Worse at {to:g} km/h", _module("query").worse_if_restricted(results, to, by), show, json)
+
+
+@queries.command()
+def changed(
+    before: Results,
+    after: Annotated[Path, typer.Argument(help="The folder of a later campaign of the same welds.")],
+    by: Annotated[float, typer.Option(help="Also those whose peak force changed by more than this share.")] = math.inf,
+    show: Show = _SHOWN,
+    json: Json = None,
+) -> None:
+    """Welds that two campaigns decide otherwise, or that only one of them holds."""
+    _tell("Changed", _module("query").changed(before, after, by), show, json)
+
+
+@queries.command()
+def sql(
+    results: Results,
+    text: Annotated[str, typer.Argument(help="SQL over verdicts, speeds and rejections.")],
+    show: Show = _SHOWN,
+    json: Json = None,
+) -> None:
+    """Anything else, in DuckDB's SQL."""
+    _tell("Answer", _module("query").ask(results, text), show, json)
+
+
+def _tell(title: str, answer: "Answer", at_most: int, json: str | None) -> None:
+    from weld_force_ros import terminal
+
+    with json_lines.lines(json) as lines:
+        for record in answer.records:
+            json_lines.write(lines, record)
+    if json != "-":
+        shown = answer.shown(at_most)
+        terminal.table(title, [(name, "") for name in answer.columns], shown)
+        terminal.say(f"{len(shown):,} of {len(answer.rows):,}; all of them with --json FILE")
 
 
 def _module(name: str) -> Any:
