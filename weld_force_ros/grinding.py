@@ -9,6 +9,8 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 from msgspec import UNSET
@@ -39,15 +41,22 @@ from weld_force_ros.core.track import Real
 from weld_force_ros.core.verdict import Judged, judged_part
 from weld_force_ros.core.weld import wheel_trajectory
 
-MOST_ROUNDS = 4
-_MOST_SPEEDS, _MOST_POSITIONS = 16, 5  # in the search
-_REFERENCE_SPEEDS, _REFERENCE_POSITIONS = 3, 4
+MOST_ROUNDS = 8
+MOST_CHECKS = 3
+_SPEEDS, _POSITIONS = 12, 4  # that the search begins with
+_FAR = 0.15  # of a limit: grinding is not expected to bring a force that much nearer to it
+_LOW_PASSED = ("p2_force", "force_20hz")
+_REFERENCE_SPEEDS, _REFERENCE_POSITIONS = 3, 3
 _APART_KMH = 15.0  # speeds nearer to each other say the same
-_SPARE = 2e-3  # of a limit that is tightened
+_SPARE = 1e-3  # of a limit that is left
 _KEPT = 0.005  # of the static load: the least force where contact must not be lost
 _LOST_S = 1e-3  # without contact are as bad as a static load missing
 _NOTABLE_M = 5e-6  # of a removal: where it is said to begin and end
 _DECIMALS = 10
+
+
+Indices: TypeAlias = NDArray[np.int64]
+Axes: TypeAlias = tuple[Indices, Indices]
 
 
 @dataclass(frozen=True)
@@ -58,16 +67,20 @@ class _Rolling:
     speeds_kmh: Real
     positions_m: Real
 
-    def over(self, profiles: Sequence[Profile]) -> list[Passages]:
+    def over(self, profiles: Sequence[Profile], *, low_passed: bool = True) -> list[Passages]:
         """Passages of shape (n_speed, n_position) over each profile."""
         wheel = self.rig.wheel
         with ThreadPoolExecutor() as pool:
-            trajectories = list(pool.map(lambda profile: wheel_trajectory(*profile, wheel.radius_m), profiles))
-        surfaces = self.rig.surfaces(trajectories, self.speeds_kmh, self.positions_m, low_passed=True)
+            trajectories = list(pool.map(lambda p: wheel_trajectory(p[0], p[1], wheel.radius_m), profiles))
+        surfaces = self.rig.surfaces(trajectories, self.speeds_kmh, self.positions_m, low_passed=low_passed)
         return [
             Passages(wheel.static_load_n, s.peak_force_n, s.min_force_n, s.contact_loss_s, *_low_passed(s))
             for s in surfaces
         ]
+
+    def at(self, rows: Indices, columns: Indices) -> "_Rolling":
+        """Some of the speeds and positions."""
+        return replace(self, speeds_kmh=self.speeds_kmh[rows], positions_m=self.positions_m[columns])
 
 
 def _low_passed(surface: Surface) -> tuple[Real | None, Real | None]:
@@ -78,24 +91,42 @@ def _low_passed(surface: Surface) -> tuple[Real | None, Real | None]:
 
 
 class _Limits:
-    """The limits that the decision hangs on, each with a factor that tightens it."""
+    """The limits that the decision hangs on, tightened by factors; the search looks at those that come into reach."""
 
     def __init__(self, limits: AssessmentSettings, line_kmh: float) -> None:
         self._limits = [limit for limit in limits.limits if decides(limit) and applies(limit, line_kmh)]
         self._norm_rad = gradient_norm_rad(line_kmh, limits.gradient_norm)
         self._factors = np.ones(len(self._limits))
+        self._watched = np.zeros(len(self._limits), dtype=bool)
 
-    def tighten(self, exceeded: Real) -> None:
-        """By what each limit (n_limit,) was exceeded, and a little more."""
-        self._factors /= np.where(exceeded > 0, 1 + exceeded + _SPARE, 1.0)
+    def watch(self, excess: list[Real]) -> None:
+        """Those limits that are exceeded or nearest to it, beside those that were before."""
+        worst = _worst(excess)
+        self._watched |= worst >= min(-_FAR, worst.max())
+
+    def tighten(self, excess: list[Real], by_reference: list[Real]) -> None:
+        """So that the reference keeps limits that it exceeds, if it goes on differing as it does."""
+        exact = 1 + _worst(by_reference)
+        factors = np.where(exact > 1, (1 + _worst(excess)) / exact, 1.0)
+        self._factors = np.minimum(self._factors, factors)
+        self.watch(by_reference)
+
+    def tightened(self, excess: list[Real]) -> list[Real]:
+        """What the tightened limits are exceeded by."""
+        return [(1 + e) / factor - 1 for e, factor in zip(excess, self._factors, strict=True)]
 
     def constraints(self, profiles: Sequence[Profile], rolling: _Rolling) -> Real:
-        """(n_profile, n_constraint), what the tightened limits are exceeded by."""
-        rows = []
-        for profile, passages in zip(profiles, rolling.over(profiles), strict=True):
-            excess = self.excess(profile, passages)
-            rows.append(np.concatenate([(1 + e.ravel()) / f - 1 for e, f in zip(excess, self._factors, strict=True)]))
-        return np.array(rows)
+        """(n_profile, n_constraint), for the search."""
+        watched = [(self._limits[i], self._factors[i] * (1 - _SPARE)) for i in np.flatnonzero(self._watched)]
+        low_passed = any(limit.name in _LOW_PASSED for limit, _ in watched)
+        return np.array(
+            [
+                np.concatenate(
+                    [(1 + self._excess(limit, profile, passages).ravel()) / factor - 1 for limit, factor in watched]
+                )
+                for profile, passages in zip(profiles, rolling.over(profiles, low_passed=low_passed), strict=True)
+            ]
+        )
 
     def excess(self, profile: Profile, passages: Passages) -> list[Real]:
         """What each limit itself is exceeded by: in each passage, or (1,) of the geometry's."""
@@ -120,9 +151,10 @@ class _Limits:
 
 @dataclass(frozen=True)
 class _Found:
-    """A removal, and what came of rolling it over again on the exact track."""
+    """A removal, what it leaves the limits exceeded by, and what came of rolling it over again on the exact track."""
 
     removal: Removal
+    excess: float
     checked: int = 0
     within: int = 0
     peak_n: float | None = None
@@ -131,6 +163,12 @@ class _Found:
     def confirmed(self) -> bool:
         """Whether the reference says the same."""
         return self.within == self.checked
+
+
+def _preference(found: _Found) -> tuple[float, float, float]:
+    """Falls the better it is: within limits, within them by the reference too, little removed."""
+    disputed = 1 - found.within / found.checked if found.checked else 1.0
+    return max(found.excess, 0.0), disputed, found.removal.removed_m2
 
 
 class Adviser:
@@ -168,8 +206,9 @@ class Adviser:
         began = time.perf_counter()
         map_before = self._simulator.force_map(profile)
         before, judged = judge(map_before, self._limits), judged_part(map_before)
-        found = self._search(profile, judged, on_step)
-        removal = found.removal
+        found = _Found(self._nothing(profile), 0.0) if _within(before) else self._search(profile, judged, on_step)
+        # What does not help is not advised, however near it comes.
+        removal = found.removal if found.excess <= 0 else self._nothing(profile)
         map_after = _as_finely_measured(self._simulator.force_map(_ground(profile, removal)), map_before)
         after = judge(map_after, self._limits)
         return GrindingAdvice(
@@ -179,7 +218,7 @@ class Adviser:
             limits_sha256=self._limits.limits_sha256,
             software=SOFTWARE,
             reached=_within(after) and found.confirmed,
-            reason=_reason(before, after, found, self._grinder),
+            reason=_reason(before, found, self._grinder),
             x_m=removal.x_m.tolist(),
             z_m=removal.z_m.tolist(),
             removal_m=removal.removal_m.tolist(),
@@ -200,42 +239,55 @@ class Adviser:
             elapsed_s=time.perf_counter() - began,
         )
 
+    def _nothing(self, profile: WeldProfile) -> Removal:
+        x, z = np.array(profile.x_m), np.array(profile.z_m)
+        return least_removal(x, z, lambda profiles: np.full((len(profiles), 1), -1.0), self._grinder)
+
     def _search(self, profile: WeldProfile, judged: Judged, on_step: Callable[[], None]) -> _Found:
-        """Search, check and tighten, until what was found stands the check."""
-        limits, rig = _Limits(self._limits, judged.line_kmh), self._simulator.rig
-        fully = _Rolling(rig, judged.speeds_kmh, judged.positions_m)
-        coarsely = _Rolling(rig, _some(judged.speeds_kmh, _MOST_SPEEDS), _some(judged.positions_m, _MOST_POSITIONS))
-        found: _Found | None = None
+        """Search, look where else limits are exceeded, ask the reference, until what was found stands both."""
+        limits, x, z = _Limits(self._limits, judged.line_kmh), np.array(profile.x_m), np.array(profile.z_m)
+        fully = _Rolling(self._simulator.rig, judged.speeds_kmh, judged.positions_m)
+        excess = limits.excess((x, z), judged.passages)
+        limits.watch(excess)
+        looked_at = _added(_spread(fully), _worst_axes(excess))
+        best, begin, checks = _Found(self._nothing(profile), _worst(excess).max()), None, 0
         for _ in range(MOST_ROUNDS):
             removal = least_removal(
-                np.array(profile.x_m), np.array(profile.z_m), lambda profiles: limits.constraints(profiles, coarsely),
-                self._grinder, begin=found and found.removal, on_step=on_step,
+                x, z, partial(limits.constraints, rolling=fully.at(*looked_at)), self._grinder, begin=begin,
+                on_step=on_step,
             )  # fmt: skip
-            if found is not None and not removal.reached:
+            begin = removal = replace(removal, removal_m=np.round(removal.removal_m, _DECIMALS))
+            ground = removal.x_m, removal.ground_m
+            excess = limits.excess(ground, fully.over([ground])[0])
+            found = _Found(removal, _worst(excess).max())
+            tightened = limits.tightened(excess)
+            if _worst(tightened).max() > 0:
+                best = min(best, found, key=_preference)
+                limits.watch(tightened)
+                looked_at = _added(looked_at, _worst_axes(tightened))
+                if removal.reached:
+                    continue
                 break
-            removal = replace(removal, removal_m=np.round(removal.removal_m, _DECIMALS))
-            found, exceeded = self._checked(removal, limits, fully)
-            if not removal.reached or np.all(exceeded <= 0):
+            found, by_reference = self._checked(found, limits, fully, excess)
+            best, checks = min(best, found, key=_preference), checks + 1
+            if found.confirmed or checks == MOST_CHECKS:
                 break
-            limits.tighten(exceeded)
-        assert found is not None  # noqa: S101
-        return found
+            limits.tighten(excess, by_reference)
+        return best
 
-    def _checked(self, removal: Removal, limits: _Limits, fully: _Rolling) -> tuple[_Found, Real]:
-        """A removal at every speed and position, then by the reference, and what each limit (n_limit,) is exceeded by.
-
-        The reference has no say where nothing was taken off, or not enough.
-        """
-        ground = removal.x_m, removal.ground_m
-        excess = limits.excess(ground, fully.over([ground])[0])
-        if not removal.reached or not removal.removal_m.any():
-            return _Found(removal), _worst(excess)
-        critical = replace(_critical(fully, _by_passage(excess)), rig=self._reference)
-        exactly = critical.over([ground])[0]
-        by_reference = limits.excess(ground, exactly)
+    def _checked(
+        self, found: _Found, limits: _Limits, fully: _Rolling, excess: list[Real]
+    ) -> tuple[_Found, list[Real]]:
+        """The most critical passages by the reference, and what they exceed each limit by."""
+        critical = replace(fully.at(*_critical(fully, _by_passage(excess))), rig=self._reference)
+        ground = found.removal.x_m, found.removal.ground_m
+        passages = critical.over([ground])[0]
+        by_reference = limits.excess(ground, passages)
         within = _by_passage(by_reference) <= 0
-        found = _Found(removal, within.size, int(within.sum()), float(exactly.peak_n.max()))
-        return found, np.maximum(_worst(excess), _worst(by_reference))
+        checked = replace(
+            found, checked=within.size, within=int(within.sum()), peak_n=float(passages.peak_n.max())
+        )  # fmt: skip
+        return checked, by_reference
 
 
 def advise(
@@ -256,9 +308,22 @@ def _fast(settings: SimulationSettings) -> SimulationSettings:
     return changed(fast, config_sha256=config_sha256(fast))
 
 
-def _some(values: Real, most: int) -> Real:
-    """At most so many of them, evenly, the last among them."""
-    return values[:: -max(1, -(-len(values) // most))][::-1]
+def _spread(rolling: _Rolling) -> Axes:
+    """Some speeds and positions, evenly, the last of each among them."""
+    speeds, positions = len(rolling.speeds_kmh), len(rolling.positions_m)
+    rows = np.arange(speeds)[:: -max(1, -(-speeds // _SPEEDS))][::-1]
+    return rows, np.arange(positions)[:: -max(1, -(-positions // _POSITIONS))][::-1]
+
+
+def _added(axes: Axes, more: Axes) -> Axes:
+    return np.union1d(axes[0], more[0]), np.union1d(axes[1], more[1])
+
+
+def _worst_axes(excess: list[Real]) -> Axes:
+    """The speeds and positions of the worst passages of two positions."""
+    by_passage = _by_passage(excess)
+    columns = np.argsort(-by_passage.max(axis=0), kind="stable")[:2]
+    return np.unique(by_passage[:, columns].argmax(axis=0)), columns
 
 
 def _worst(excess: list[Real]) -> Real:
@@ -268,22 +333,18 @@ def _worst(excess: list[Real]) -> Real:
 
 def _by_passage(excess: list[Real]) -> Real:
     """The worst limit of force in each passage, (n_speed, n_position)."""
-    return np.max([e for e in excess if e.ndim == 2], axis=0)
+    worst: Real = np.max([e for e in excess if e.ndim == 2], axis=0)
+    return worst
 
 
-def _critical(rolling: _Rolling, excess: Real) -> _Rolling:
+def _critical(rolling: _Rolling, excess: Real) -> Axes:
     """The speeds with the worst passages, some way apart, and the worst positions at those."""
-    rows = _apart(rolling.speeds_kmh, excess.max(axis=1))
-    columns = np.sort(np.argsort(-excess[rows].max(axis=0), kind="stable")[:_REFERENCE_POSITIONS])
-    return replace(rolling, speeds_kmh=rolling.speeds_kmh[rows], positions_m=rolling.positions_m[columns])
-
-
-def _apart(speeds_kmh: Real, excess: Real) -> NDArray[np.int64]:
-    chosen: list[int] = []
-    for row in np.argsort(-excess, kind="stable").tolist():
-        if all(abs(speeds_kmh[row] - speeds_kmh[other]) >= _APART_KMH for other in chosen):
-            chosen.append(row)
-    return np.sort(chosen[:_REFERENCE_SPEEDS])
+    rows: list[int] = []
+    for row in np.argsort(-excess.max(axis=1), kind="stable").tolist():
+        if all(abs(rolling.speeds_kmh[row] - rolling.speeds_kmh[other]) >= _APART_KMH for other in rows):
+            rows.append(row)
+    rows = sorted(rows[:_REFERENCE_SPEEDS])
+    return np.array(rows), np.sort(np.argsort(-excess[rows].max(axis=0), kind="stable")[:_REFERENCE_POSITIONS])
 
 
 def _ground(profile: WeldProfile, removal: Removal) -> WeldProfile:
@@ -302,24 +363,18 @@ def _within(verdict: Verdict) -> bool:
     return all(c.passed for c in verdict.criteria if c.decides)
 
 
-def _reason(before: Verdict, after: Verdict, found: _Found, grinder: Grinder) -> str:
+def _reason(before: Verdict, found: _Found, grinder: Grinder) -> str:
     if _within(before):
         return "within its limits: nothing to grind"
+    if found.excess > 0:
+        return f"replace: no removal up to {grinder.most_m * 1e3:g} mm that was tried brings it within its limits"
     removal = found.removal
-    places = removal.x_m[removal.removal_m > _NOTABLE_M]
-    took = "nothing taken off"
-    if len(places):
-        took = (
-            f"up to {removal.removal_m.max() * 1e3:.2f} mm taken off between {places[0] * 100:.0f} and "
-            f"{places[-1] * 100:.0f} cm from the weld's centre"
-        )
+    places = removal.x_m[removal.removal_m > min(_NOTABLE_M, removal.removal_m.max() / 2)]
+    took = (
+        f"up to {removal.removal_m.max() * 1e3:.2f} mm taken off between {places[0] * 100:.0f} and "
+        f"{places[-1] * 100:.0f} cm from the weld's centre"
+    )
     reference = f"{found.within} of {found.checked} passages by the reference engine are"
-    if not _within(after):
-        left = ", ".join(f"{c.name} {c.value:.4g} {c.unit}" for c in after.criteria if c.decides and not c.passed)
-        return (
-            f"replace: no removal up to {grinder.most_m * 1e3:g} mm that was tried brings it within its limits; "
-            f"with {took} there remains {left}"
-        )
     if not found.confirmed:
         return f"replace: {took} bring it within its limits, but only {reference}"
     return f"{took} bring it within its limits; {reference}"

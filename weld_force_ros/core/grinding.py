@@ -258,7 +258,7 @@ def splines(x_m: Real, first_m: float, last_m: float, knots_m: float) -> Real:
     count = max(0, int((last_m - first_m) / knots_m + 1e-9) - 3)
     begin = (first_m + last_m - (count + 3) * knots_m) / 2
     one = BSpline.basis_element(np.arange(5.0), extrapolate=False)
-    return np.nan_to_num(one((x_m[:, None] - begin) / knots_m - np.arange(count)))
+    return np.asarray(np.nan_to_num(one((x_m[:, None] - begin) / knots_m - np.arange(count))))
 
 
 def _softened(x_m: Real, z_m: Real, curvature_per_m: float) -> Real:
@@ -266,7 +266,7 @@ def _softened(x_m: Real, z_m: Real, curvature_per_m: float) -> Real:
     at = np.linspace(x_m[0], x_m[-1], _STANDING)
     squares = (at[:, None] - at) ** 2 / 2
     lower = np.min(np.interp(at, x_m, z_m) + curvature_per_m * squares, axis=1)
-    return np.minimum(np.interp(x_m, at, lower), z_m)
+    return np.asarray(np.minimum(np.interp(x_m, at, lower), z_m))
 
 
 def closed(x_m: Real, z_m: Real, radius_m: float) -> Real:
@@ -280,4 +280,4 @@ def closed(x_m: Real, z_m: Real, radius_m: float) -> Real:
     s = RESAMPLED_STEP_M * np.arange(-half, half + 1)
     circle = np.sqrt(np.maximum(radius_m**2 - s**2, 0.0)) - radius_m
     bridged = grey_closing(surface, footprint=np.ones(len(s)), structure=circle, mode="nearest")
-    return np.maximum(np.interp(x_m, grid, bridged), z_m)
+    return np.asarray(np.maximum(np.interp(x_m, grid, bridged), z_m))
