@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 from bag_harness import record, rejection
+from msgspec import UNSET
+from msgspec.structs import replace
 
 from weld_force_ros import contract
 from weld_force_ros.assess import judge, load_limits
@@ -117,9 +119,22 @@ def test_a_recording_without_limits_tells_no_restriction(capfd, tmp_path):
     assert "running at most at 80 km/h: not known, its limits not recorded" in err
 
 
+def test_a_map_of_one_speed_is_a_point(capfd, tmp_path):
+    one = replace(
+        force_map(),
+        speeds_kmh=[80.0],
+        curve=UNSET,
+        **{name: [1e5] for name in ("peak_force_n", "peak_x_m", "min_force_n", "contact_loss_s")},
+    )
+    code, _, err = show(capfd, recording(tmp_path / "bag", replace(one, contact_loss_s=[0.0])))
+    assert code == 0
+    assert "static" in err
+
+
+@pytest.mark.parametrize("bag", sorted(DEMO.parent.iterdir()), ids=lambda bag: bag.name)
 @pytest.mark.parametrize("arguments", [(), ("weld-4-steep-ramp",), ("--restrict", "80")])
-def test_old_recording_has_no_new_fields_and_is_shown(capfd, arguments):
-    code, _, err = show(capfd, DEMO, *arguments)
+def test_recordings_of_every_version_are_shown(capfd, bag, arguments):
+    code, _, err = show(capfd, bag, *arguments)
     assert code == 0
     assert "weld-4-steep-ramp" in err
     assert "static" in err
@@ -176,7 +191,7 @@ def test_80_columns_hold_it_and_names_stay_whole():
 
 
 def test_a_terminal_without_unicode_gets_ascii():
-    command = (sys.executable, "-m", "weld_force_ros.cli", "show", str(DEMO), "weld-1-dip")
+    command = (sys.executable, "-m", "weld_force_ros.cli", "show", str(DEMO))
     shown = on_a_terminal(80, *command, PYTHONIOENCODING="ascii")
     assert shown.isascii()
     assert "\\u" not in shown

@@ -45,7 +45,7 @@ def show(bag: BagPath, weld: Named = None, restrict: Restrict = None, json: Json
         last = "what to do" if restrict is None else f"at most {restrict:g} km/h"
         terminal.table(
             f"Welds of {bag}, the worst first",
-            [("decision", ""), ("weld", ""), ("worst criterion", ""), ("≤ km/h", "right"), (last, "")],
+            [("decision", ""), ("weld", ""), ("worst criterion", ""), ("up to km/h", "right"), (last, "")],
             _front_rows(entries, restrict),
         )
     if welds:

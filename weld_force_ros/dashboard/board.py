@@ -103,10 +103,10 @@ class Board:
         match message:
             case SimulationSettings():
                 _keep(self._settings, message.config_sha256, message, _MOST_SETTINGS)
-                self._write_all()
+                self._write_made_by(message.config_sha256)
             case AssessmentSettings():
                 _keep(self._limits, message.limits_sha256, message, _MOST_SETTINGS)
-                self._write_all()
+                self._write_made_by(message.limits_sha256)
             case Rejection():
                 self._making.pop(str(message.profile_id), None)
                 self._write(self._add(Unusable(message)), Unusable(message))
@@ -124,9 +124,11 @@ class Board:
         if self._write_shown(making):
             del self._making[measurement]
 
-    def _write_all(self) -> None:
+    def _write_made_by(self, sha256: str) -> None:
+        """Settings have come that verdicts before them were made with."""
         for making in self._making.values():
-            self._write_shown(making)
+            if making.shown and sha256 in (making.shown[1].config_sha256, making.shown[1].limits_sha256):
+                self._write_shown(making)
 
     def _write_shown(self, making: _Making) -> bool:
         """Write the details of a weld that has its row; whether all is in them."""
@@ -145,9 +147,10 @@ class Board:
         return len(making.packed) == _BESIDE_THE_VERDICT and weld.settings is not None and weld.limits is not None
 
     def _add(self, entry: Entry) -> int:
+        encoded = msgspec.json.encode(row(self._last + 1, entry))
         with self._lock:
             self._last += 1
-            self._rows.append(msgspec.json.encode(row(self._last, entry)))
+            self._rows.append(encoded)
             dropped = self._last - len(self._rows)
         self._file(dropped).unlink(missing_ok=True)
         return self._last

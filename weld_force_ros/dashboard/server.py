@@ -7,6 +7,7 @@ rebinding): so requests are answered only if they name this machine. They carry 
 import errno
 import re
 import socket
+import sys
 import threading
 from contextlib import suppress
 from http import HTTPStatus
@@ -104,6 +105,8 @@ class _Http(ThreadingHTTPServer):
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """A browser that goes away in the middle is nothing to be told of."""
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handle_error(request, client_address)
 
 
 class _Handler(BaseHTTPRequestHandler):
