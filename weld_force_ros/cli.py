@@ -18,6 +18,7 @@ import typer
 from weld_force_ros import (
     cli_bag,
     cli_campaign,
+    cli_grind,
     cli_nodes,
     cli_population,
     cli_replay,
@@ -63,6 +64,7 @@ app = typer.Typer(
 app.add_typer(cli_bag.app, name="bag")
 app.add_typer(cli_campaign.app, name="campaign")
 app.add_typer(cli_study.app, name="study")
+app.command()(cli_grind.grind)
 app.command()(cli_population.population)
 app.command()(cli_nodes.demo)
 app.command()(cli_nodes.up)

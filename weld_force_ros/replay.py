@@ -169,7 +169,8 @@ def _alike(was: SpeedCurve | Spread, now: SpeedCurve | Spread, tolerance_n: floa
     """Whether all columns agree: forces as those of the map, what is no force within the tolerance of places."""
     columns = ((getattr(was, name), getattr(now, name), name.endswith("_n")) for name in was.__struct_fields__)
     return all(
-        a is UNSET or len(a) == len(b) and np.allclose(a, b, rtol=0.0, atol=tolerance_n if force else PLACE_TOLERANCE_M)
+        a is UNSET
+        or (len(a) == len(b) and np.allclose(a, b, rtol=0.0, atol=tolerance_n if force else PLACE_TOLERANCE_M))
         for a, b, force in columns
     )
 

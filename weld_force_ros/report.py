@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from weld_force_ros.contract import ForceHistory, ForceMap, WeldProfile
+from weld_force_ros.contract import ForceHistory, ForceMap, GrindingAdvice, WeldProfile
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -77,6 +77,34 @@ def one_weld(profile: WeldProfile, force_map: ForceMap, history: ForceHistory) -
     _draw_curve(bottom_left, force_map)
     _draw_history(bottom_right, history)
     figure.suptitle(as_text(f"{profile.weld_id} on {force_map.track} ({force_map.engine})"), fontweight="bold")
+    return figure
+
+
+def grinding(advice: GrindingAdvice) -> "Figure":
+    """What is taken off a weld, and the worst force over speed before and after."""
+    figure = new_figure(11, 4.2)
+    left, right = figure.subplots(1, 2)
+    x_cm, before_um = np.array(advice.x_m) * 100, np.array(advice.z_m) * 1e6
+    after_um = before_um - np.array(advice.removal_m) * 1e6
+    left.axhline(0, color=GREY, linewidth=0.6)
+    left.plot(x_cm, before_um, color=BLUE, label="before")
+    left.plot(x_cm, after_um, color=GREEN, linestyle="--", label="after")
+    left.fill_between(x_cm, after_um, before_um, color=ORANGE, alpha=0.5, label="taken off")
+    left.set(xlabel="distance from the weld's centre, cm", ylabel="height, µm")
+    for peaks_n, colour, style, name in (
+        (advice.peak_before_n, BLUE, "-", "before"),
+        (advice.peak_after_n, GREEN, "--", "after"),
+    ):
+        right.plot(advice.speeds_kmh, np.array(peaks_n) / 1e3, color=colour, linestyle=style, label=name)
+    for criterion in advice.before:
+        if criterion.name == "peak_force":
+            unverified = "" if criterion.verified else " (unverified)"
+            right.axhline(criterion.limit / 1e3, color=RED, linestyle=":", label=f"limit{unverified}")
+    right.set(xlabel="speed, km/h", ylabel="peak force at the worst position, kN")
+    for axes in (left, right):
+        axes.legend(fontsize=8)
+    found = f"at most {advice.most_removed_m * 1e3:.2f} mm off" if advice.reached else "no grinding helps"
+    figure.suptitle(as_text(f"{advice.weld_id}: {found}"), fontweight="bold")
     return figure
 
 
