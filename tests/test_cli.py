@@ -13,6 +13,7 @@ from weld_force_ros.profiles import shipped
 
 QUICK = ["--speeds", "60,120", "--positions", "0.1,0.4"]
 BAG = Path(__file__).parent.parent / "bags" / "demo"
+BAG_OF_1_1 = BAG.with_name("demo-1.1")  # as version 1.1 of the contract recorded it
 
 
 def run(capfd: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, list[str], str]:
@@ -126,8 +127,9 @@ def test_receptance_is_a_row_major_matrix_of_the_exact_track(capfd):
     assert answer["imag_m_per_n"] == pytest.approx(exact.imag.ravel().tolist())
 
 
-def test_replay_of_the_demos_bag_finds_every_verdict_equal(capfd):
-    code, lines, err = run(capfd, "replay", str(BAG), "--verify", "--json", "-")
+@pytest.mark.parametrize("bag", [BAG, BAG_OF_1_1], ids=lambda bag: bag.name)
+def test_replay_of_the_demos_bags_finds_every_verdict_equal(capfd, bag):
+    code, lines, err = run(capfd, "replay", str(bag), "--verify", "--json", "-")
     results = [json.loads(line) for line in lines]
     assert code == 0, err
     assert sum(r["kind"] == "verdict" for r in results) == len(shipped())
@@ -135,7 +137,7 @@ def test_replay_of_the_demos_bag_finds_every_verdict_equal(capfd):
 
 
 def test_replay_without_verify_prints_the_verdicts_computed_again(capfd):
-    code, lines, _ = run(capfd, "replay", str(BAG), "--json", "-")
+    code, lines, _ = run(capfd, "replay", str(BAG_OF_1_1), "--json", "-")
     assert code == 0
     assert {decode(Verdict, line).weld_id for line in lines} == set(shipped())
 
