@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: run test lint bench soak screenshots format schema
+.PHONY: run test lint bench bench-campaign soak screenshots format schema
 
 run: $(READY)
 	$(BIN)/weld-force demo
@@ -20,6 +20,9 @@ lint: $(READY)
 
 bench: $(READY)
 	$(BIN)/weld-force bench
+
+bench-campaign: $(READY)
+	$(BIN)/python -m weld_force_ros.bench.campaign
 
 soak: $(READY)
 	$(BIN)/python -m tests.soak.malformed

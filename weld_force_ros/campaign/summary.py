@@ -19,6 +19,7 @@ WORST = 50
 _SCRIPTS = ("words.js", "source.js", "charts.js", "campaign.js")
 _BIN_N = 10e3
 _STRETCHES = 120
+_VERDICTS_A_STRETCH = 8  # at least, so that no stretch is empty for want of welds
 _LINES = 12  # whose chainage is drawn
 _GROUPS = 40  # of one kind, the largest
 
@@ -124,9 +125,10 @@ def _facts(plan: Plan, connection: duckdb.DuckDBPyConnection) -> dict[str, Any]:
 
 def _along(connection: duckdb.DuckDBPyConnection, line: dict[str, Any]) -> dict[str, Any]:
     """The greatest force over chainage and speed of a line: (n_speed, n_stretch), None where no weld is."""
-    stretch_m = max((line["last_m"] - line["first_m"]) / _STRETCHES, 1.0)
+    stretches = max(1, min(_STRETCHES, line["n"] // _VERDICTS_A_STRETCH))
+    stretch_m = max((line["last_m"] - line["first_m"]) / stretches, 1.0)
     cells = _records(
-        connection, _ALONG, line=line["line"], first_m=line["first_m"], stretch_m=stretch_m, last=_STRETCHES - 1
+        connection, _ALONG, line=line["line"], first_m=line["first_m"], stretch_m=stretch_m, last=stretches - 1
     )
     speeds = sorted({cell["speed_kmh"] for cell in cells})
     count = max(cell["stretch"] for cell in cells) + 1
