@@ -9,6 +9,7 @@ import contextlib
 import itertools
 import logging
 from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -50,19 +51,25 @@ def cluster(scheduler: str | None, workers: int) -> Iterator[Any]:
         if scheduler is None:
             stack.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": _LOST_WORKERS}))
             logging.getLogger("distributed").setLevel(logging.CRITICAL)
-            local = distributed.LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                host=LOCAL,
-                dashboard_address=f"{LOCAL}:{DASHBOARD_PORT}",
-                worker_dashboard_address=None,
-                silence_logs=logging.CRITICAL,
-            )
-            stack.enter_context(local)
+            local = stack.enter_context(_local(distributed, workers))
             client = stack.enter_context(distributed.Client(local))
         else:
             client = stack.enter_context(_connected(distributed, scheduler))
         yield client
+
+
+def _local(distributed: Any, workers: int) -> Any:
+    try:
+        return distributed.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            host=LOCAL,
+            dashboard_address=f"{LOCAL}:{DASHBOARD_PORT}",
+            worker_dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        )
+    except (RuntimeError, OSError, TimeoutError) as error:  # a worker that ended before it had begun
+        raise InputError(f"workers did not start: {error}", "run the same command again") from None
 
 
 def _connected(distributed: Any, scheduler: str) -> Any:
@@ -134,6 +141,8 @@ def _record(future: Any, out: Path, failed: list[Unfinished]) -> Record | None:
         failed.append(Unfinished(int(future.key.rpartition("-")[2]), f"it took {_LOST_WORKERS} workers: {error}"))
     except WeldForceError:
         raise
+    except CancelledError:
+        raise InputError("the scheduler was lost", "start it and run the same command again: it goes on") from None
     except OSError as error:
         where = error.filename or out
         raise InputError(
