@@ -27,7 +27,7 @@ from weld_force_ros.errors import InputError
 
 KNOTS_PER_WAVE = 4 / 3
 MARGIN = 1e-3  # of a limit: twice what the forces are computed to
-MOST_STEPS = 25
+MOST_STEPS = 15
 _FIRST_REGION_M = 0.2e-3
 _SMALLEST_REGION_M = 2e-6
 _REGIONS = 0.5 ** np.arange(4)  # tried at once
@@ -35,7 +35,7 @@ _PROBE_M = 10e-6  # a few per cent of a force: far above its numerical noise, an
 _WORTH_A_STEP = 2e-3  # of the objective
 _STEPS_A_RACE = 3
 _STANDING = 500
-_CURVATURES_PER_M = 0.1 * 0.25 ** np.arange(4)  # of hollows to begin with: as 40 um over 96 mm has them, and gentler
+_CURVATURES_PER_M = (0.025, 0.0016)  # of hollows to begin with: as 0.3 mm over 0.5 m has them, and far gentler
 _PENALTY = 10.0  # of an excess of 1, in removals of everything
 
 Profile: TypeAlias = tuple[Real, Real]
@@ -210,18 +210,19 @@ class _Search:
 
     def descended(self, here: _Point, steps: int, on_step: Callable[[], None]) -> _Point:
         """Step after step, as long as they pay."""
-        region, slopes = _FIRST_REGION_M / self.grinder.most_m, self._slopes(here)
+        region, slopes = _FIRST_REGION_M / self.grinder.most_m, None
         for _ in range(steps):
+            slopes = self._slopes(here) if slopes is None else slopes
             regions = np.minimum(region, 1.0) * _REGIONS
             points = self.at([self.grinder.most_m * self._proposed(here, slopes, size) for size in regions])
             best = min(points, key=_merit)
             pays = best.merit < (1 - _WORTH_A_STEP) * here.merit
             region = 2 * regions[points.index(best)] if pays else regions[-1] / 2
             on_step()
-            if region * self.grinder.most_m < _SMALLEST_REGION_M:
-                return min(here, best, key=_merit)
             if best.merit < here.merit:
-                here, slopes = best, self._slopes(best)
+                here, slopes = best, None
+            if region * self.grinder.most_m < _SMALLEST_REGION_M:
+                break
         return here
 
     def _slopes(self, here: _Point) -> Real:

@@ -50,6 +50,7 @@ BAND_HZ = 6500.0
 MEMORY_S = 0.125
 LEAD_IN_S = 0.12
 RUN_OUT_S = 0.08
+_MOST_REMEMBERED = 8  # speeds, up to 5 MB each
 _WINDOW = 4.6  # ln 100
 _JUMP_DECAY_RAD_S = 2 * np.pi * 1000.0
 
@@ -93,6 +94,7 @@ class GreenRig:
         self.track = track
         self.wheel = wheel
         self._physics = np.array([wheel.mass_kg, wheel.static_load_n, wheel.hertz_n_per_m15])
+        self._remembered: dict[float, _Responses] = {}
 
     def surface(
         self,
@@ -172,6 +174,15 @@ class GreenRig:
         return _Rolled(x[shown], irregularity[shown], columns[shown], columns[:, 0])
 
     def _responses(self, speed_kmh: float, pool: ThreadPoolExecutor) -> _Responses:
+        """Remembered: who checks one weld after the other does so at a few speeds."""
+        responses = self._remembered.get(speed_kmh)
+        if responses is None:
+            if len(self._remembered) >= _MOST_REMEMBERED:
+                self._remembered.clear()
+            responses = self._remembered[speed_kmh] = self._followed(speed_kmh, pool)
+        return responses
+
+    def _followed(self, speed_kmh: float, pool: ThreadPoolExecutor) -> _Responses:
         span, speed = self.track.spacing_m, speed_kmh / 3.6
         node_count = round(span / NODE_M)
         every = max(1, int(np.ceil(span / node_count / min(speed * STEP_S, STEP_M))))
