@@ -167,8 +167,8 @@ def _planned(plan: "Plan", workers: int) -> "Estimate":
 
     estimate = _module("estimate")
     with terminal.progress() as bar:
-        task = bar.add_task("timing a few welds", total=None)
-        expected: Estimate = estimate.estimate(plan, workers, on_weld=lambda: bar.advance(task))
+        task = bar.add_task("timing a few welds", total=min(estimate.TRIALS, plan.batches))
+        expected: Estimate = estimate.estimate(plan, workers, on_trial=lambda: bar.advance(task))
     _show_plan(plan, expected)
     return expected
 

@@ -1,15 +1,16 @@
 """How long a campaign will take and how much it will write, from a few welds timed on this machine.
 
-    time = start + max(welds x vehicles x time of one / (workers x EFFICIENCY), batches x DRIVER_S)
+    time = start + max(rounds x welds of a batch x vehicles x time of one / EFFICIENCY, batches x DRIVER_S)
+    rounds = batches / workers, rounded up
     size = batches x size of an empty batch + welds x vehicles x size of one
 
 The time of one is measured in this process on one thread, reading, judging and writing included; another machine is
-faster or slower in proportion. The range is twice the standard error of the timed welds' mean, to either side.
+faster or slower in proportion. The range is twice the standard error of the trials' mean, to either side.
 """
 
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,8 +28,9 @@ START_S = 6.0
 DRIVER_S = 0.01
 """A batch's time in the scheduler and its client, which is not shared out."""
 
-TIMED_WELDS = 48
-_PLACES = 6
+TRIALS = 6
+"""Batches of which some welds are timed."""
+_TOGETHER = 8  # of one trial: as many as share the kernel's lanes
 
 
 @dataclass(frozen=True)
@@ -58,8 +60,9 @@ class Estimate:
         return low, expected, high
 
     def _seconds(self, weld_s: float) -> float:
-        shared = self.welds * self.vehicle_share * weld_s / (self.workers * EFFICIENCY)
-        return START_S + max(shared, self.batches * DRIVER_S)
+        rounds = -(-self.batches // self.workers)  # a last batch may keep one worker while the others are done
+        batch_s = self.welds / self.batches * self.vehicle_share * weld_s
+        return START_S + max(rounds * batch_s / EFFICIENCY, self.batches * DRIVER_S)
 
     @property
     def bytes(self) -> float:
@@ -67,21 +70,21 @@ class Estimate:
         return self.batches * self.batch_bytes + self.welds * self.vehicle_share * self.weld_bytes
 
 
-def estimate(plan: Plan, workers: int, on_weld: Callable[[], None] = lambda: None) -> Estimate:
+def estimate(plan: Plan, workers: int, on_trial: Callable[[], None] = lambda: None) -> Estimate:
     """Time a few welds of a plan from all over its sources, and see how large their results are."""
-    assessor = Assessor(plan)
-    trials = list(_trials(plan))
-    list(assessor.assess(trials[0]))  # loads compiled code and makes the speeds' tables
-    seconds: list[float] = []
-    outcomes: list[Found | Refused] = []
-    shares: list[int] = []
+    assessor, trials = Assessor(plan), _trials(plan)
+    assessor.assess([*assessor.welds(trials[0])][:_TOGETHER])  # loads compiled code and makes the speeds' tables
+    seconds, outcomes, welds = list[float](), list[Found | Refused](), 0
     for trial in trials:
         began = time.perf_counter()
-        found = list(assessor.assess(trial))
-        seconds.append((time.perf_counter() - began) / max(1, len(found)))
-        shares.append(len(found))
-        outcomes += found
-        on_weld()
+        read = [*assessor.welds(trial)]
+        read_s = (time.perf_counter() - began) / len(read)
+        chosen = [read[place] for place in np.unique(np.linspace(0, len(read) - 1, _TOGETHER).astype(int))]
+        began = time.perf_counter()
+        found = assessor.assess(chosen)
+        seconds.append((time.perf_counter() - began) / len(found) + read_s * len(chosen) / len(found))
+        outcomes, welds = outcomes + found, welds + len(chosen)
+        on_trial()
     saved_s, batch_bytes, weld_bytes = _saved(plan, outcomes)
     error = 2 * float(np.std(seconds)) / len(seconds) ** 0.5
     return Estimate(
@@ -89,32 +92,16 @@ def estimate(plan: Plan, workers: int, on_weld: Callable[[], None] = lambda: Non
         batches=plan.batches,
         workers=workers,
         weld_s=(float(np.mean(seconds)) + saved_s, error),
-        vehicle_share=float(np.mean(shares)),
+        vehicle_share=len(outcomes) / welds,
         batch_bytes=batch_bytes,
         weld_bytes=weld_bytes,
     )
 
 
-def _trials(plan: Plan) -> Iterator[Batch]:
-    """Single welds, some at each of a few places, evenly over all."""
-    total = plan.batches
-    chosen = set(np.linspace(0, total - 1, min(_PLACES, total)).astype(int).tolist())
-    of_each = -(-TIMED_WELDS // len(chosen))
-    for batch in sources.batches(plan.sources, plan.batch_welds):
-        if batch.number in chosen:
-            for place in np.unique(np.linspace(0, batch.welds - 1, min(of_each, batch.welds)).astype(int)).tolist():
-                yield _only(batch, place)
-
-
-def _only(batch: Batch, place: int) -> Batch:
-    """The batch that holds just the weld at a place of another."""
-    at = 0
-    for piece in batch.pieces:
-        if place < at + piece.count:
-            own = place - at
-            return Batch(0, 0, [Piece(piece.source, piece.first + own, 1, piece.files[own : own + 1])])
-        at += piece.count
-    raise IndexError(place)
+def _trials(plan: Plan) -> list[Batch]:
+    """A few batches, evenly over all."""
+    chosen = set(np.linspace(0, plan.batches - 1, min(TRIALS, plan.batches)).astype(int).tolist())
+    return [batch for batch in sources.batches(plan.sources, plan.batch_welds) if batch.number in chosen]
 
 
 def _saved(plan: Plan, outcomes: list[Found | Refused]) -> tuple[float, float, float]:

@@ -5,7 +5,7 @@ it, nothing but a record comes back.
 """
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,9 +24,9 @@ from weld_force_ros.campaign.definition import Section
 from weld_force_ros.campaign.plan import Plan
 from weld_force_ros.campaign.profile_table import Unusable, Weld
 from weld_force_ros.campaign.records import Record
-from weld_force_ros.campaign.sources import Batch, Source
+from weld_force_ros.campaign.sources import Batch
 from weld_force_ros.contract import ForceMap, WeldProfile
-from weld_force_ros.errors import InputError, WeldForceError
+from weld_force_ros.errors import InputError, NumericalError
 
 FITS = "fits"
 """Folder beside the results for the fits of its tracks."""
@@ -54,7 +54,8 @@ class Refused(NamedTuple):
 def assess_batch(out: str, plan_sha256: str, batch: Batch) -> Record:
     """Assess a batch, write its results and say that it is finished."""
     with threadpool_limits(limits=1):
-        return save(list(_assessor(Path(out), plan_sha256).assess(batch)), batch, Path(out), plan_sha256)
+        assessor = _assessor(Path(out), plan_sha256)
+        return save(assessor.assess(assessor.welds(batch)), batch, Path(out), plan_sha256)
 
 
 def _assessor(out: Path, plan_sha256: str) -> "Assessor":
@@ -71,6 +72,20 @@ def _remembered(out: Path, plan_sha256: str) -> "Assessor":
     return Assessor(plan)
 
 
+class _Read(NamedTuple):
+    """A weld of a source, with what its row says beforehand."""
+
+    about: dict[str, Any]
+    weld: Weld
+
+
+class _Placed(NamedTuple):
+    """A usable one in a section."""
+
+    about: dict[str, Any]
+    weld: WeldProfile
+
+
 class Assessor:
     """Assesses the welds of a plan."""
 
@@ -82,41 +97,72 @@ class Assessor:
             for settings in section.vehicles.values()
         }
 
-    def assess(self, batch: Batch) -> Iterator[Found | Refused]:
-        """What becomes of a batch's welds, in their order."""
+    def welds(self, batch: Batch) -> Iterator[_Read]:
+        """The welds of a batch, read from their sources."""
         number = batch.first
         for piece in batch.pieces:
             source = self.plan.sources[piece.source]
             for weld in sources.read(source, piece):
-                yield from self._outcomes(number, weld, source)
+                yield _Read({"weld_number": number, "line": source.line, "origin": source.origin}, weld)
                 number += 1
 
-    def _outcomes(self, number: int, weld: Weld, source: Source) -> Iterator[Found | Refused]:
-        about = {"weld_number": number, "line": source.line, "origin": source.origin}
-        if isinstance(weld, Unusable):
-            yield Refused(about | weld._asdict())
-            return
-        section = next((s for s in self.plan.sections if s.holds(source.line, weld.chainage_m)), None)
-        if section is None:
-            yield Refused(
-                about
-                | {"source": weld.source, "reason": "it lies in no section of the campaign", "remedy": "add a section"}
-            )
-            return
-        for vehicle in section.vehicles:
-            yield self._outcome(about | {"vehicle": vehicle}, weld, section)
+    def assess(self, welds: Iterable[_Read]) -> list[Found | Refused]:
+        """What becomes of welds that lie beside each other."""
+        refused = list[Refused]()
+        placed: dict[str, list[_Placed]] = {section.name: [] for section in self.plan.sections}
+        for about, weld in welds:
+            if isinstance(weld, Unusable):
+                refused.append(Refused(about | weld._asdict()))
+                continue
+            section = next((s for s in self.plan.sections if s.holds(about["line"], weld.chainage_m)), None)
+            if section is None:
+                refused.append(_refused(about, weld, "it lies in no section of the campaign", "add a section"))
+            else:
+                placed[section.name].append(_Placed(about, weld))
+        rolled = [
+            outcome
+            for section in self.plan.sections
+            for vehicle in section.vehicles
+            for outcome in self._outcomes(placed[section.name], section, vehicle)
+        ]
+        return [*refused, *rolled]
 
-    def _outcome(self, about: dict[str, Any], weld: WeldProfile, section: Section) -> Found | Refused:
-        settings, limits = section.vehicles[about["vehicle"]], self.plan.limits
-        try:
-            force_map = self._simulators[settings.config_sha256].force_map(weld)
-            verdict = judge(force_map, limits)
-        except WeldForceError as error:
-            reason, remedy = (error.reason, error.remedy) if isinstance(error, InputError) else (str(error), "")
-            return Refused(about | {"source": weld.source, "reason": reason, "remedy": remedy})
-        row = about | tables.verdict_row(weld, force_map, verdict)
-        speeds = tables.speed_columns(force_map, limits)
-        return Found(about["weld_number"], section.name, about["vehicle"], row, speeds, force_map)
+    def _outcomes(self, placed: list[_Placed], section: Section, vehicle: str) -> Iterator[Found | Refused]:
+        """Of welds of a section under one of its vehicles."""
+        limits, simulator = self.plan.limits, self._simulators[section.vehicles[vehicle].config_sha256]
+        rolled = _force_maps(simulator, [one.weld for one in placed])
+        for (of_weld, weld), force_map in zip(placed, rolled, strict=True):
+            about = of_weld | {"vehicle": vehicle}
+            if isinstance(force_map, NumericalError):
+                yield _refused(about, weld, str(force_map), "")
+                continue
+            try:
+                verdict = judge(force_map, limits)
+            except InputError as error:
+                yield _refused(about, weld, error.reason, error.remedy)
+                continue
+            row = about | tables.verdict_row(weld, force_map, verdict)
+            speeds = tables.speed_columns(force_map, limits)
+            yield Found(about["weld_number"], section.name, vehicle, row, speeds, force_map)
+
+
+def _refused(about: dict[str, Any], weld: WeldProfile, reason: str, remedy: str) -> Refused:
+    return Refused(about | {"source": weld.source, "reason": reason, "remedy": remedy})
+
+
+def _force_maps(simulator: Simulator, welds: list[WeldProfile]) -> list[ForceMap | NumericalError]:
+    """All maps at once; where a passage fails, one by one, so that the others do not suffer from it."""
+    try:
+        return [*simulator.force_maps(welds)]
+    except NumericalError:
+        return [_force_map(simulator, weld) for weld in welds]
+
+
+def _force_map(simulator: Simulator, weld: WeldProfile) -> ForceMap | NumericalError:
+    try:
+        return simulator.force_map(weld)
+    except NumericalError as error:
+        return error
 
 
 def save(outcomes: list[Found | Refused], batch: Batch, out: Path, plan_sha256: str) -> Record:
@@ -125,7 +171,7 @@ def save(outcomes: list[Found | Refused], batch: Batch, out: Path, plan_sha256: 
     refused = [outcome.row for outcome in outcomes if isinstance(outcome, Refused)]
     files: dict[str, str] = {}
     for section in sorted({one.section for one in found}):
-        inside = [one for one in found if one.section == section]
+        inside = sorted((one for one in found if one.section == section), key=lambda one: one.number)
         verdicts = store.table_of((one.row for one in inside), tables.VERDICTS)
         files |= store.write_table(verdicts, out, store.part("verdicts", batch.number, section))
         files |= store.write_table(_speeds(inside), out, store.part("speeds", batch.number, section))

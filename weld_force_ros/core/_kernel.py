@@ -303,19 +303,19 @@ def _follow_in_lanes(departures, filtered, levels, company, j, k, decays, shapes
 
 @compiled(nogil=True, fastmath=_FAST)
 def peaks_in_lanes(
-    items, beginnings, decay, turn, drives, gains, starts, ends, windows, run_outs, smooth, negligible, irregularities,
-    physics, dts, filter_decay, filter_shapes, filter_gains, filter_smooth, filter_floors, results,
+    companies, beginnings, decay, turn, drives, gains, starts, ends, windows, run_outs, smooth, negligible,
+    irregularities, physics, dts, filter_decay, filter_shapes, filter_gains, filter_smooth, filter_floors, results,
 ):  # fmt: skip
-    """`peaks_at_speed` for sixteen speeds at two positions side by side, on the same grid: a lane each.
+    """`peaks_at_speed` for sixteen speeds at two places side by side, on the same grid: a lane each.
 
-    Common poles only. `items` (n_item, 2): which company of speeds rolls at which pair of positions; `beginnings`
-    (n_item, n_state + 3, LANES): its states at the starts. Of every company: `decay` and `turn`
+    Common poles only. `companies` (n_pair,): which company of speeds rolls at each pair of places; `beginnings`
+    (n_pair, n_state + 3, LANES): its states at the starts. Of every company: `decay` and `turn`
     (n_company, 2, n_pole, LANES), E and what takes a drive to the shape; `gains` and `smooth`
     (n_company, n_grid, SPEEDS); `windows`, `run_outs` and `dts` (n_company, LANES). Of every pair: `starts` and `ends`
     (n_pair, 2), `irregularities` (n_pair, 2, n). `drives` (n_grid, n_state) serve all. Filters of every company:
     `filter_decay` and `filter_shapes` (n_company, 2, n_filter, n_pole, LANES), `filter_gains`
     and `filter_floors` (n_company, n_filter, LANES), `filter_smooth` (n_company, n_filter, n_grid, SPEEDS).
-    `results` (n_item, LANES, 6 + n_end).
+    `results` (n_pair, LANES, 6 + n_end).
     """
     grid, states = drives.shape[0], drives.shape[1]
     pairs, irregular = states // 2, irregularities.shape[2]
@@ -333,15 +333,15 @@ def peaks_in_lanes(
     one_single, two_single, three_single = single(one), single(two), single(three)
     half, third, tiny = splat(0.5), splat(1.0 / 3.0), single(splat(1e-30))
     load_n, hertz = splat(physics[1]), splat(physics[2])
-    for item in range(items.shape[0]):
-        company, i = items[item, 0], items[item, 1]
+    for i in range(companies.shape[0]):
+        company = companies[i]
         real_row, imag_row, grid_row = 2 * pairs * company, (2 * company + 1) * pairs, grid * company
         dt = load(all_dts, company)
         kick = dt / splat(physics[0])
         own = dt * kick * splat(1.0 / 6.0)
         for lane in range(SPEEDS):
             smooth_high[lane], smooth_low[lane] = _range(smooth[company, :, lane])
-        begin = beginnings[item].ravel()
+        begin = beginnings[i].ravel()
         _copy(begin[: states * LANES], rail)
         wheel, velocity, force = load(begin, states), load(begin, states + 1), load(begin, states + 2)
         before, top, top_before, top_after, least = force, force, force, force, force
@@ -447,27 +447,27 @@ def peaks_in_lanes(
                 if not ended[lane] and (faded or run_out_over):
                     ended[lane] = True
                     peak, offset = _vertex(found[lane], highest, found[2 * LANES + lane])
-                    results[item, lane, 0], results[item, lane, 1] = peak, found[3 * LANES + lane] + offset
-                    results[item, lane, 2], results[item, lane, 3] = lowest, found[4 * LANES + lane]
-                    results[item, lane, 4] = found[5 * LANES + lane]
+                    results[i, lane, 0], results[i, lane, 1] = peak, found[3 * LANES + lane] + offset
+                    results[i, lane, 2], results[i, lane, 3] = lowest, found[4 * LANES + lane]
+                    results[i, lane, 4] = found[5 * LANES + lane]
                 for q in range(filters):
                     highest, floor = levels[(5 * q + 3) * LANES + lane], filter_floors[company, q, lane]
                     faded = faded and _beneath(heard_there, highest, floor, negligible, a_span_behind)
                 if ended[lane] and (faded or run_out_over):
                     rolling[lane] = False
                     left -= 1
-                    results[item, lane, 5] = n
+                    results[i, lane, 5] = n
                     if not np.isfinite(found[8 * LANES + lane]):
-                        results[item, lane, 0] = np.nan
+                        results[i, lane, 0] = np.nan
                     if filters > 0:
                         for q in range(filters):
                             top_at = (5 * q + 3) * LANES + lane
                             highest = _vertex(levels[top_at - LANES], levels[top_at], levels[top_at + LANES])[0]
-                            results[item, lane, 6 + q] = highest
+                            results[i, lane, 6 + q] = highest
                         for p in range(2 * filters * modes):
-                            results[item, lane, 6 + filters + p] = filtered[p * LANES + lane]
+                            results[i, lane, 6 + filters + p] = filtered[p * LANES + lane]
                         for s in range(3):
-                            results[item, lane, s - 3] = found[(8 + s) * LANES + lane]
+                            results[i, lane, s - 3] = found[(8 + s) * LANES + lane]
                 else:
                     looks[lane] = n + windows[company, lane]
                     found[7 * LANES + lane] = 0.0
@@ -657,7 +657,7 @@ def straightedge_gap(heights, reach):
 
     The straightedge rests on the highest points below it: on their upper hull.
     """
-    hull = np.empty(reach + 1, np.int64)
+    hull, spanned = np.empty(reach + 1, np.int64), np.zeros(heights.shape[0], np.int64)
     largest = 0.0
     for first in range(heights.shape[0] - reach):
         count = 0
@@ -671,6 +671,9 @@ def straightedge_gap(heights, reach):
             count += 1
         for k in range(count - 1):
             a, b = hull[k], hull[k + 1]
+            if spanned[a] == b:  # where it lay before
+                continue
+            spanned[a] = b
             slope = (heights[b] - heights[a]) / (b - a)
             for i in range(a + 1, b):
                 largest = max(largest, heights[a] + slope * (i - a) - heights[i])

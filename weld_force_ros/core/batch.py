@@ -1,6 +1,6 @@
-"""Speeds that roll together: their tables, made once, and passages over a weld at all of them.
+"""Speeds that roll together: their tables, made once, and passages over welds at all of them.
 
-Where states come in pairs of common poles, sixteen speeds at two positions advance side by side in vector registers;
+Where states come in pairs of common poles, sixteen speeds at two places advance side by side in vector registers;
 dense transitions, and code that is not compiled, roll one passage after the other.
 """
 
@@ -34,12 +34,12 @@ Asked = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Approaches:
-    """A weld at several positions, in steps of a stride.
+    """Places, each a weld at a position, in steps of a stride.
 
     Attributes:
-        starts: (n_position,), points of the grid, ones that every stride meets, where the passages begin.
-        ends: (n_position,), steps from there until the weld is behind.
-        irregularity_m: (n_position, n), step by step from the start: the paper's r, positive down.
+        starts: (n_place,), points of the grid, ones that every stride meets, where the passages begin.
+        ends: (n_place,), steps from there until the weld is behind.
+        irregularity_m: (n_place, n), step by step from the start: the paper's r, positive down.
     """
 
     starts: Steps
@@ -47,8 +47,21 @@ class Approaches:
     irregularity_m: Real
 
 
-def approaches(roller: Roller, trajectory: Trajectory, positions_m: Real, stride: int) -> Approaches:
-    """Where the passages over a weld at `positions_m` (n_position,) begin and end, and what they roll over."""
+def approaches(roller: Roller, trajectories: Sequence[Trajectory], positions_m: Real, stride: int) -> Approaches:
+    """Where the passages over welds, each at `positions_m` (n_position,), begin and end, and what they roll over."""
+    each = [_approach(roller, trajectory, positions_m, stride) for trajectory in trajectories]
+    longest = max(one.irregularity_m.shape[1] for one in each)
+    heights = np.zeros((len(each), len(positions_m), longest))
+    for rows, one in zip(heights, each, strict=True):
+        rows[:, : one.irregularity_m.shape[1]] = one.irregularity_m
+    return Approaches(
+        np.concatenate([one.starts for one in each]),
+        np.concatenate([one.ends for one in each]),
+        heights.reshape(-1, longest),
+    )
+
+
+def _approach(roller: Roller, trajectory: Trajectory, positions_m: Real, stride: int) -> Approaches:
     first_m, last_m = trajectory.uneven_m
     starts = np.array([roller.start(position + first_m) for position in positions_m])
     step_m = stride * roller.grid_m
@@ -64,19 +77,19 @@ class Batch(Protocol):
     """Speeds of one stride."""
 
     def peaks(
-        self, weld: Approaches, asked: Asked, pool: Executor, threads: int, cutoffs_hz: tuple[float, ...] = ()
+        self, places: Approaches, asked: Asked, pool: Executor, threads: int, cutoffs_hz: tuple[float, ...] = ()
     ) -> Real:
         """Passages that are asked for.
 
         Args:
-            weld: what is rolled over.
-            asked: (n_speed, n_position).
+            places: what is rolled over.
+            asked: (n_speed, n_place).
             pool: where to compute.
             threads: in how many parts.
             cutoffs_hz: (n_filter,), of the low-pass filters.
 
         Returns:
-            (n_speed, n_position, 6 + n_filter), valid where asked for: peak force, its place in steps from the start,
+            (n_speed, n_place, 6 + n_filter), valid where asked for: peak force, its place in steps from the start,
             least force, time without contact, largest second difference of the force, steps rolled; greatest
             low-passed forces. The peak is NaN where a passage did not stay finite.
         """
@@ -109,7 +122,7 @@ class _Paced:
 
 
 class _SideBySide:
-    """Companies of `SPEEDS` speeds, their tables interleaved lane by lane; each rolls at two positions at a time."""
+    """Companies of `SPEEDS` speeds, their tables interleaved lane by lane; each rolls at two places at a time."""
 
     def __init__(self, roller: Roller, speeds: list[_Paced]) -> None:
         self._roller, self._stride = roller, speeds[0].rolling.stride
@@ -125,39 +138,50 @@ class _SideBySide:
         self._states = _companies([speed.rolling.states for speed in speeds])
 
     def peaks(
-        self, weld: Approaches, asked: Asked, pool: Executor, threads: int, cutoffs_hz: tuple[float, ...] = ()
+        self, places: Approaches, asked: Asked, pool: Executor, threads: int, cutoffs_hz: tuple[float, ...] = ()
     ) -> Real:
         """See `Batch`."""
         filters, lanes = self._filters(cutoffs_hz)
-        roll = partial(self._roll, weld, lanes, _columns(filters))
-        speeds, positions = asked.shape
-        companies, pairs = len(self._states), -(-positions // 2)
-        padded = np.pad(asked, ((0, companies * SPEEDS - speeds), (0, 2 * pairs - positions)))
-        # A company rolls at a pair of positions if any of its passages is asked for.
-        items = np.argwhere(padded.reshape(companies, SPEEDS, pairs, 2).any(axis=(1, 3)))
-        shares = [items[part::threads] for part in range(min(threads, len(items)))]
-        found = np.zeros((companies, pairs, 2, SPEEDS, _columns(filters)))
+        companies, pairs = self._paired(asked)
+        roll = partial(self._roll, places, lanes, _columns(filters), companies, pairs)
+        shares = [np.arange(part, len(pairs), threads) for part in range(min(threads, len(pairs)))]
+        found = np.zeros((len(self._states), asked.shape[1], SPEEDS, _columns(filters)))
         for share, results in zip(shares, pool.map(roll, shares), strict=True):
-            found[share[:, 0], share[:, 1]] = results
-        by_speed = found.transpose(0, 3, 1, 2, 4).reshape(companies * SPEEDS, 2 * pairs, -1)[:speeds, :positions]
-        return _ended(filters, weld.starts // self._stride, by_speed)
+            found[companies[share, None], pairs[share]] = results
+        by_speed = found.transpose(0, 2, 1, 3).reshape(-1, asked.shape[1], found.shape[3])[: len(asked)]
+        return _ended(filters, places.starts // self._stride, by_speed)
 
-    def _roll(self, weld: Approaches, lanes: "_FilterLanes", columns: int, items: NDArray[np.intp]) -> Real:
-        """(n_item, 2, SPEEDS, n_column)."""
-        places = np.arange(len(weld.starts) + len(weld.starts) % 2)
-        pairs = np.minimum(places, len(weld.starts) - 1).reshape(-1, 2)
-        starts = weld.starts[pairs]
+    def _paired(self, asked: Asked) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Companies (n_item,) and the pairs of places (n_item, 2) at which any of their passages is asked for."""
+        padded = np.pad(asked, ((0, len(self._states) * SPEEDS - len(asked)), (0, 0)))
+        wanted = np.asarray(padded.reshape(-1, SPEEDS, asked.shape[1]).any(axis=1))
+        asked_at = [np.flatnonzero(wanted[company]) for company in range(len(self._states))]
+        pairs = [np.pad(at, (0, len(at) % 2), mode="edge").reshape(-1, 2) for at in asked_at]
+        return np.repeat(np.arange(len(pairs)), [len(own) for own in pairs]), np.concatenate(pairs)
+
+    def _roll(
+        self,
+        places: Approaches,
+        lanes: "_FilterLanes",
+        columns: int,
+        companies: NDArray[np.intp],
+        pairs: NDArray[np.intp],
+        share: NDArray[np.intp],
+    ) -> Real:
+        """(n_share, 2, SPEEDS, n_column)."""
+        companies, pairs = companies[share], pairs[share]
+        starts = places.starts[pairs]
         at = starts // self._roller.longest_stride % self._states.shape[1]
-        # (n_item, 2, n_state + 3, SPEEDS), then a lane for each of the two positions and each speed
-        states = self._states[items[:, :1], at[items[:, 1]]]
-        results = np.empty((len(items), LANES, columns))
+        # (n_share, 2, n_state + 3, SPEEDS), then a lane for each of the two places and each speed
+        states = self._states[companies[:, None], at]
+        results = np.empty((len(share), LANES, columns))
         _kernel.peaks_in_lanes(
-            items, states.transpose(0, 2, 1, 3).reshape(len(items), -1, LANES), self._decay, self._turn, self._drives,
-            self._gains, starts // self._stride, weld.ends[pairs], self._windows, self._run_outs, self._smooth,
-            _negligible_n(self._roller), weld.irregularity_m[pairs], self._roller.physics, self._dts,
+            companies, states.transpose(0, 2, 1, 3).reshape(len(share), -1, LANES), self._decay, self._turn,
+            self._drives, self._gains, starts // self._stride, places.ends[pairs], self._windows, self._run_outs,
+            self._smooth, _negligible_n(self._roller), places.irregularity_m[pairs], self._roller.physics, self._dts,
             *lanes, results,
         )  # fmt: skip
-        return results.reshape(len(items), 2, SPEEDS, -1)
+        return results.reshape(len(share), 2, SPEEDS, -1)
 
 
 class _OneByOne:
@@ -168,26 +192,26 @@ class _OneByOne:
         self._filters = cache(lambda cutoffs_hz: _filters(roller, speeds, cutoffs_hz))
 
     def peaks(
-        self, weld: Approaches, asked: Asked, pool: Executor, threads: int, cutoffs_hz: tuple[float, ...] = ()
+        self, places: Approaches, asked: Asked, pool: Executor, threads: int, cutoffs_hz: tuple[float, ...] = ()
     ) -> Real:
         """See `Batch`."""
         filters = self._filters(cutoffs_hz)
         found = np.zeros((*asked.shape, _columns(filters)))
         rows = np.flatnonzero(asked.any(axis=1))
         columns = [np.flatnonzero(asked[row]) for row in rows]
-        rolled = pool.map(partial(self._roll, weld, filters), rows, columns)
+        rolled = pool.map(partial(self._roll, places, filters), rows, columns)
         for row, own, results in zip(rows, columns, rolled, strict=True):
             found[row, own] = results
-        return _ended(filters, weld.starts // self._speeds[0].rolling.stride, found)
+        return _ended(filters, places.starts // self._speeds[0].rolling.stride, found)
 
-    def _roll(self, weld: Approaches, filters: LowPass, row: int, columns: NDArray[np.intp]) -> Real:
-        speed, starts = self._speeds[row], weld.starts[columns]
+    def _roll(self, places: Approaches, filters: LowPass, row: int, columns: NDArray[np.intp]) -> Real:
+        speed, starts = self._speeds[row], places.starts[columns]
         rolling, step = speed.rolling, speed.rolling.step
         results = np.empty((len(columns), _columns(filters)))
         _kernel.peaks_at_speed(
             np.stack([self._roller.beginning(rolling, start) for start in starts]), step.decay, step.transitions,
-            step.drives, step.shapes, step.gains, starts // rolling.stride, weld.ends[columns], speed.window,
-            speed.run_out, rolling.smooth_n, _negligible_n(self._roller), weld.irregularity_m[columns],
+            step.drives, step.shapes, step.gains, starts // rolling.stride, places.ends[columns], speed.window,
+            speed.run_out, rolling.smooth_n, _negligible_n(self._roller), places.irregularity_m[columns],
             self._roller.physics, rolling.dt_s, filters.decay[row], filters.shapes[row], filters.gains[row],
             filters.smooth_n[row], filters.floors_n[row], results,
         )  # fmt: skip
@@ -233,7 +257,7 @@ def _filters_and_lanes(
 
 
 def _ended(filters: LowPass, starts: Steps, found: Real) -> Real:
-    """Results as of `Batch.peaks` from those of the kernel, (n_speed, n_position, n_column)."""
+    """Results as of `Batch.peaks` from those of the kernel, (n_speed, n_place, n_column)."""
     shown = _UNFILTERED + filters.gains.shape[1]
     if shown > _UNFILTERED:
         ends = (starts + found[:, :, 5].astype(np.int64)) % filters.smooth_n.shape[2]
@@ -248,6 +272,6 @@ def _companies(arrays: Sequence[ArrayLike]) -> NDArray[Any]:
 
 
 def _lanes(arrays: Sequence[ArrayLike]) -> NDArray[Any]:
-    """(n_company, ..., LANES): each speed twice, once for either position of a pair."""
+    """(n_company, ..., LANES): each speed twice, once for either place of a pair."""
     companies = _companies(arrays)
     return np.concatenate([companies, companies], axis=-1)

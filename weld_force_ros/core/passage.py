@@ -2,10 +2,11 @@
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sized
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from itertools import islice
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +22,7 @@ from weld_force_ros.core.wheel import Wheel
 from weld_force_ros.errors import InputError, NumericalError
 
 _MOST_REMEMBERED = 64  # speeds, half a megabyte each
+_TOGETHER = 8  # welds
 
 
 @dataclass(frozen=True)
@@ -91,8 +93,8 @@ class Rig:
         """
         speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
         return self._surfaces.roll(
-            trajectory, speeds, positions, self._threads, on_speed, low_passed=low_passed, tolerance=tolerance
-        )
+            [trajectory], speeds, positions, self._threads, on_speed, low_passed=low_passed, tolerance=tolerance
+        )[0]
 
     def surfaces(
         self,
@@ -103,7 +105,7 @@ class Rig:
         low_passed: bool = False,
         tolerance: float = TOLERANCE,
     ) -> Iterator[Surface]:
-        """`surface` of many welds, in their order, a thread each: no more are held than there are threads, twice.
+        """`surface` of many welds, in their order: some at a time on each thread, and few more are held than that.
 
         Args:
             trajectories: taken as they are needed.
@@ -119,13 +121,13 @@ class Rig:
         speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
         roll = partial(self._surfaces.roll, low_passed=low_passed, tolerance=tolerance)
         with ThreadPoolExecutor(self._threads) as pool:
-            waiting: deque[Future[Surface]] = deque()
-            for trajectory in trajectories:
-                waiting.append(pool.submit(roll, trajectory, speeds, positions, 1))
-                if len(waiting) > 2 * self._threads:
-                    yield waiting.popleft().result()
+            waiting: deque[Future[list[Surface]]] = deque()
+            for some in _some_at_a_time(trajectories, self._threads):
+                waiting.append(pool.submit(roll, some, speeds, positions, 1))
+                if len(waiting) > self._threads:
+                    yield from waiting.popleft().result()
             for rolled in waiting:
-                yield rolled.result()
+                yield from rolled.result()
 
     def history(self, trajectory: Trajectory, speed_kmh: float, position_m: float, *, until_m: float = 0.0) -> History:
         """One passage in the shortest steps, from a span before the weld to a span after it, or to `until_m` if later.
@@ -160,6 +162,16 @@ class Rig:
         state = self.roller.beginning(rolling, first)
         last_m = position_m + end_m + 2 * ECHO_S * speed_kmh / 3.6
         return Start(first * self.roller.grid_m, last_m, rolling.dt_s, state[:-3], state[-3:])
+
+
+def _some_at_a_time(trajectories: Iterable[Trajectory], threads: int) -> Iterator[list[Trajectory]]:
+    """Enough to fill each other's lanes; of few welds fewer, so that each thread has some."""
+    some = _TOGETHER
+    if isinstance(trajectories, Sized):
+        some = min(some, max(1, len(trajectories) // (2 * threads)))
+    remaining = iter(trajectories)
+    while together := list(islice(remaining, some)):
+        yield together
 
 
 def checked_speeds(values: ArrayLike) -> Real:

@@ -8,7 +8,7 @@ that a passage is rolled in.
 """
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -62,7 +62,7 @@ class SurfaceRoller:
 
     def roll(
         self,
-        trajectory: Trajectory,
+        trajectories: Sequence[Trajectory],
         speeds_kmh: Real,
         positions_m: Real,
         threads: int,
@@ -70,24 +70,25 @@ class SurfaceRoller:
         *,
         low_passed: bool = False,
         tolerance: float = TOLERANCE,
-    ) -> Surface:
-        """See `weld_force_ros.core.passage.Rig.surface`."""
+    ) -> list[Surface]:
+        """See `weld_force_ros.core.passage.Rig.surface`; of several welds, which fill each other's lanes."""
         order = np.argsort(speeds_kmh)  # neighbours roll together, as they take as long
         cutoffs_hz = CUTOFFS_HZ if low_passed else ()
-        results = np.empty((len(speeds_kmh), len(positions_m), _UNFILTERED + len(cutoffs_hz)))
+        places = len(trajectories) * len(positions_m)
+        results = np.empty((len(speeds_kmh), places, _UNFILTERED + len(cutoffs_hz)))
         with ThreadPoolExecutor(threads) if threads > 1 else _Here() as pool:
             for first in range(0, len(order), _TOGETHER):
                 rows = order[first : first + _TOGETHER]
                 results[rows] = self._roll_together(
-                    trajectory, speeds_kmh[rows], positions_m, cutoffs_hz, tolerance, on_speed, pool, threads
+                    trajectories, speeds_kmh[rows], positions_m, cutoffs_hz, tolerance, on_speed, pool, threads
                 )
         if not np.all(np.isfinite(results)):
             raise NumericalError("a passage did not stay finite; the fit of this track cannot be used at that speed")
-        return Surface.of(results)
+        return [Surface.of(part) for part in np.split(results, len(trajectories), axis=1)]
 
     def _roll_together(
         self,
-        trajectory: Trajectory,
+        trajectories: Sequence[Trajectory],
         speeds_kmh: Real,
         positions_m: Real,
         cutoffs_hz: tuple[float, ...],
@@ -96,18 +97,18 @@ class SurfaceRoller:
         pool: Executor,
         threads: int,
     ) -> Real:
-        """(n_speed, n_position, 4 + n_filter), speeds increasing; each passage in the longest stride that serves it."""
+        """(n_speed, n_place, 4 + n_filter), speeds increasing; each passage in the longest stride that serves it."""
         coarsest = np.array([self._roller.coarsest_stride(speed) for speed in speeds_kmh])
-        wanted = np.repeat(coarsest[:, None], len(positions_m), axis=1)
+        wanted = np.repeat(coarsest[:, None], len(trajectories) * len(positions_m), axis=1)
         results = np.empty((*wanted.shape, 6 + len(cutoffs_hz)))
         while wanted.any():
             stride = int(wanted.max())
             able = coarsest >= stride  # the same speeds whatever is asked, so that their tables serve again
             asked = wanted == stride
-            weld = approaches(self._roller, trajectory, positions_m, stride)
+            places = approaches(self._roller, trajectories, positions_m, stride)
             batch = self._batch(stride, speeds_kmh[able], pool)
-            found = batch.peaks(weld, asked[able], pool, threads, cutoffs_hz)[asked[able]]
-            found[:, 1] = (weld.starts[np.nonzero(asked)[1]] + stride * found[:, 1]) * self._roller.grid_m
+            found = batch.peaks(places, asked[able], pool, threads, cutoffs_hz)[asked[able]]
+            found[:, 1] = (places.starts[np.nonzero(asked)[1]] + stride * found[:, 1]) * self._roller.grid_m
             results[asked] = found
             wanted[asked] = _finer(stride, found, tolerance)
             done = asked.any(axis=1) & ~wanted.any(axis=1)
