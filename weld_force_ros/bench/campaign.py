@@ -1,13 +1,14 @@
 """What a campaign reaches on this machine, each figure as a JSON line: `python -m weld_force_ros.bench.campaign`.
 
-Campaigns run as a user runs them, each in processes of its own. Rates are of the time between the first and the last
-finished batch, as starting takes as long for few welds as for many; `whole_s` has everything. The bare kernel rolls
+Campaigns run as a user runs them, each in processes of its own. Rates are of the time from when every worker has
+finished a batch to the end, as starting takes as long for few welds as for many; `whole_s` has everything. The bare kernel rolls
 prepared trajectories over the same grid, in as many processes, right before and after.
 """
 
 import hashlib
 import random
 import signal
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -31,6 +32,7 @@ _SPEEDS = "80:300:20"
 _POSITIONS = 5
 _KERNEL_WELDS = 1500
 _KILLS = 20
+_REPEATED_WELDS = 5000  # smaller campaigns are run until they have as many, as their time is short and uncertain
 _KILLED_WELDS = 3000
 _COMMAND = [sys.executable, "-m", "weld_force_ros.cli", "campaign"]
 
@@ -74,33 +76,34 @@ class Bench:
         """A new folder for results."""
         return Path(tempfile.mkdtemp(dir=self._folder)) / "results"
 
-    def run(self, welds: int, *options: str) -> _Ran:
+    def run(self, welds: int, workers: int = 2, scheduler: str | None = None) -> _Ran:
         """Run a campaign to its end."""
+        options = ("--workers", str(workers)) if scheduler is None else ("--scheduler", scheduler)
         file, out = self.campaign(welds), self.out()
         began = time.perf_counter()
         with _started(file, out, *options) as process, _watched(process.pid) as peaks:
             if process.wait():
                 raise RuntimeError(f"the campaign ended with {process.returncode}")
-        return _Ran(welds, time.perf_counter() - began, _rate(out, welds), dict(peaks), _results(out))
+        return _Ran(welds, time.perf_counter() - began, _rate(out, welds, workers), dict(peaks), _results(out))
 
     def whole(self, welds: int) -> dict[str, Any]:
         """Throughput of two workers against the bare kernel in two processes."""
         self.campaign(welds)
         before = _bare(2)
-        ran = self.run(welds, "--workers", "2")
+        ran = self.run(welds)
         after = _bare(2)
         bare = (before + after) / 2
         expected = self._expected(welds, 2)
         return ran.told() | {
             "bare_kernel_welds_per_s": [round(before, 1), round(after, 1)],
             "share_of_bare_kernel": round(ran.welds_per_s / bare, 3),
-            "planned_s": round(expected.seconds[1], 1),
+            "planned_s": [round(seconds, 1) for seconds in expected.seconds],
             "planned_over_measured": round(expected.seconds[1] / ran.whole_s, 3),
         }  # fmt: skip
 
     def scaling(self, welds: int) -> dict[str, Any]:
         """Two workers over one, in turn."""
-        one, two, again = (self.run(welds, "--workers", n) for n in ("1", "2", "1"))
+        one, two, again = (self.run(welds, workers) for workers in (1, 2, 1))
         single = (one.welds_per_s + again.welds_per_s) / 2
         return {
             "welds": welds, "one_worker_welds_per_s": [round(one.welds_per_s, 1), round(again.welds_per_s, 1)],
@@ -110,17 +113,18 @@ class Bench:
 
     def growth(self, sizes: list[int]) -> dict[str, Any]:
         """Cost of a weld and the client's memory, by the number of welds."""
-        ran = [self.run(size, "--workers", "2") for size in sizes]
-        each_ms = [1e3 / one.welds_per_s for one in ran]
+        ran = [[self.run(size) for _ in range(max(1, _REPEATED_WELDS // size))] for size in sizes]
+        each_ms = [1e3 / statistics.median(one.welds_per_s for one in same) for same in ran]
         return {
-            "welds": sizes, "weld_ms": [round(ms, 3) for ms in each_ms],
+            "welds": sizes, "runs": [len(same) for same in ran], "weld_ms": [round(ms, 3) for ms in each_ms],
             "most_over_least": round(max(each_ms) / min(each_ms), 3),
-            "client_mb": [one.peak_mb["client"] for one in ran], "worker_mb": [one.peak_mb["worker"] for one in ran],
+            "client_mb": [same[-1].peak_mb["client"] for same in ran],
+            "worker_mb": [same[-1].peak_mb["worker"] for same in ran],
         }  # fmt: skip
 
     def kills(self, count: int) -> dict[str, Any]:
         """Kill -9 of a worker, and of the client, in turn, at random moments; then the same command to its end."""
-        whole = self.run(_KILLED_WELDS, "--workers", "2")
+        whole = self.run(_KILLED_WELDS)
         chance = random.Random(1)  # noqa: S311
         same = 0
         for number in range(count):
@@ -138,9 +142,9 @@ class Bench:
 
     def apart(self, welds: int) -> dict[str, Any]:
         """A scheduler and two workers started by hand, by Dask's own commands."""
-        here = self.run(welds, "--workers", "2")
+        here = self.run(welds)
         with _dask_apart(self._folder) as address:
-            there = self.run(welds, "--scheduler", address)
+            there = self.run(welds, scheduler=address)
         return {"welds": welds, "same_results": here.results_sha256 == there.results_sha256, "address": address}
 
     def network(self) -> dict[str, Any]:
@@ -197,11 +201,11 @@ def _note(peaks: dict[str, float], who: str, process: psutil.Process) -> None:
     peaks[who] = max(peaks[who], round(process.memory_info().rss / 1e6, 1))
 
 
-def _rate(out: Path, welds: int) -> float:
-    """Welds a second between the first and the last finished batch."""
-    ends = sorted(path.stat().st_mtime for path in (out / records.FOLDER).glob("*.json"))
-    first = msgspec.json.decode((out / records.FOLDER / "000000.json").read_bytes())["welds"]
-    return float((welds - first) / max(ends[-1] - ends[0], 1e-9))
+def _rate(out: Path, welds: int, workers: int) -> float:
+    """Welds a second from when each worker has finished a batch until the last is finished."""
+    done = sorted((out / records.FOLDER).glob("*.json"), key=lambda path: path.stat().st_mtime)
+    first = sum(msgspec.json.decode(path.read_bytes())["welds"] for path in done[:workers])
+    return float((welds - first) / max(done[-1].stat().st_mtime - done[workers - 1].stat().st_mtime, 1e-9))
 
 
 def _results(out: Path) -> str:

@@ -13,24 +13,25 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from weld_force_ros.campaign import sources, store, work
 from weld_force_ros.campaign.plan import Plan
 from weld_force_ros.campaign.sources import Batch, Piece
-from weld_force_ros.campaign.work import Assessor, Found, Refused
+from weld_force_ros.campaign.work import Assessor, Found, Read, Refused
 
-EFFICIENCY = 0.9
+EFFICIENCY = 0.87
 """Of a worker beside others: they share memory, caches and the cores' clock."""
-START_S = 6.0
+START_S = 8.0
 """Until workers have started, imported and loaded compiled code."""
 DRIVER_S = 0.01
 """A batch's time in the scheduler and its client, which is not shared out."""
 
-TRIALS = 6
+TRIALS = 10
 """Batches of which some welds are timed."""
-_TOGETHER = 8  # of one trial: as many as share the kernel's lanes
+_TOGETHER = 16  # of one trial: they share the kernel's lanes as those of a batch do
 
 
 @dataclass(frozen=True)
@@ -72,19 +73,19 @@ class Estimate:
 
 def estimate(plan: Plan, workers: int, on_trial: Callable[[], None] = lambda: None) -> Estimate:
     """Time a few welds of a plan from all over its sources, and see how large their results are."""
-    assessor, trials = Assessor(plan), _trials(plan)
-    assessor.assess([*assessor.welds(trials[0])][:_TOGETHER])  # loads compiled code and makes the speeds' tables
-    seconds, outcomes, welds = list[float](), list[Found | Refused](), 0
+    assessor = Assessor(plan)
+    trials = [_trial(assessor, batch) for batch in _batches(plan)]
+    for trial in trials:  # loads compiled code and makes the tables that any of them needs
+        assessor.assess(trial.welds)
+    seconds, outcomes = list[float](), list[Found | Refused]()
     for trial in trials:
         began = time.perf_counter()
-        read = [*assessor.welds(trial)]
-        read_s = (time.perf_counter() - began) / len(read)
-        chosen = [read[place] for place in np.unique(np.linspace(0, len(read) - 1, _TOGETHER).astype(int))]
-        began = time.perf_counter()
-        found = assessor.assess(chosen)
-        seconds.append((time.perf_counter() - began) / len(found) + read_s * len(chosen) / len(found))
-        outcomes, welds = outcomes + found, welds + len(chosen)
+        found = assessor.assess(trial.welds)
+        assessed_s = time.perf_counter() - began
+        seconds.append((assessed_s + len(trial.welds) * trial.read_s) / len(found))
+        outcomes += found
         on_trial()
+    welds = sum(len(trial.welds) for trial in trials)
     saved_s, batch_bytes, weld_bytes = _saved(plan, outcomes)
     error = 2 * float(np.std(seconds)) / len(seconds) ** 0.5
     return Estimate(
@@ -98,8 +99,22 @@ def estimate(plan: Plan, workers: int, on_trial: Callable[[], None] = lambda: No
     )
 
 
-def _trials(plan: Plan) -> list[Batch]:
-    """A few batches, evenly over all."""
+class _Trial(NamedTuple):
+    """Some welds of a batch, and the seconds that reading one of all took."""
+
+    welds: list[Read]
+    read_s: float
+
+
+def _trial(assessor: Assessor, batch: Batch) -> _Trial:
+    began = time.perf_counter()
+    read = [*assessor.welds(batch)]
+    read_s = (time.perf_counter() - began) / len(read)
+    return _Trial([read[place] for place in np.unique(np.linspace(0, len(read) - 1, _TOGETHER).astype(int))], read_s)
+
+
+def _batches(plan: Plan) -> list[Batch]:
+    """A few, evenly over all."""
     chosen = set(np.linspace(0, plan.batches - 1, min(TRIALS, plan.batches)).astype(int).tolist())
     return [batch for batch in sources.batches(plan.sources, plan.batch_welds) if batch.number in chosen]
 

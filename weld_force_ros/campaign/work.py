@@ -72,7 +72,7 @@ def _remembered(out: Path, plan_sha256: str) -> "Assessor":
     return Assessor(plan)
 
 
-class _Read(NamedTuple):
+class Read(NamedTuple):
     """A weld of a source, with what its row says beforehand."""
 
     about: dict[str, Any]
@@ -97,16 +97,16 @@ class Assessor:
             for settings in section.vehicles.values()
         }
 
-    def welds(self, batch: Batch) -> Iterator[_Read]:
+    def welds(self, batch: Batch) -> Iterator[Read]:
         """The welds of a batch, read from their sources."""
         number = batch.first
         for piece in batch.pieces:
             source = self.plan.sources[piece.source]
             for weld in sources.read(source, piece):
-                yield _Read({"weld_number": number, "line": source.line, "origin": source.origin}, weld)
+                yield Read({"weld_number": number, "line": source.line, "origin": source.origin}, weld)
                 number += 1
 
-    def assess(self, welds: Iterable[_Read]) -> list[Found | Refused]:
+    def assess(self, welds: Iterable[Read]) -> list[Found | Refused]:
         """What becomes of welds that lie beside each other."""
         refused = list[Refused]()
         placed: dict[str, list[_Placed]] = {section.name: [] for section in self.plan.sections}
