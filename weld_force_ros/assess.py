@@ -350,14 +350,15 @@ class Simulator:
 
 def measured(profile: WeldProfile) -> ProfileMeasures:
     """What a profile's geometry says by itself."""
-    geometry = classify(profile.x_m, profile.z_m)
+    x_m, z_m = np.array(profile.x_m), np.array(profile.z_m)
+    geometry = classify(x_m, z_m)
     return ProfileMeasures(
         kind=geometry.kind,
         dip_m=geometry.dip_m,
         protrusion_m=geometry.protrusion_m,
-        gradient_rad=largest_gradient(profile.x_m, profile.z_m),
-        straightedge_m=straightedge_gap(profile.x_m, profile.z_m),
-        spacing_m=float(np.diff(profile.x_m).max()),
+        gradient_rad=largest_gradient(x_m, z_m),
+        straightedge_m=straightedge_gap(x_m, z_m),
+        spacing_m=float(np.diff(x_m).max()),
     )
 
 

@@ -1,8 +1,8 @@
 """What a campaign reaches on this machine, each figure as a JSON line: `python -m weld_force_ros.bench.campaign`.
 
 Campaigns run as a user runs them, each in processes of its own. Rates are of the time from when every worker has
-finished a batch to the end, as starting takes as long for few welds as for many; `whole_s` has everything. The bare kernel rolls
-prepared trajectories over the same grid, in as many processes, right before and after.
+finished a batch to the end, as starting takes as long for few welds as for many; `whole_s` has everything. The bare
+kernel rolls prepared trajectories over the same grid, in as many processes, right before and after.
 """
 
 import hashlib

@@ -22,6 +22,10 @@ from weld_force_ros.errors import InputError, WeldForceError
 LOCAL = "127.0.0.1"
 DASHBOARD_PORT = 8787
 _LOST_WORKERS = 10  # that may take one batch with them before it is held to be the cause
+_LOCAL_SETTINGS = {
+    "distributed.scheduler.allowed-failures": _LOST_WORKERS,
+    "distributed.worker.profile.enabled": False,  # it looks at every thread a hundred times a second
+}
 _LEAST_UNDER_WAY = 16
 _UNDER_WAY = 4  # a thread
 _WAIT_FOR_WORKERS_S = 60.0
@@ -49,7 +53,7 @@ def cluster(scheduler: str | None, workers: int) -> Iterator[Any]:
         raise InputError("a campaign needs Dask", "install it with `pip install 'weld_force_ros[campaign]'`") from None
     with contextlib.ExitStack() as stack:
         if scheduler is None:
-            stack.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": _LOST_WORKERS}))
+            stack.enter_context(dask.config.set(_LOCAL_SETTINGS))
             logging.getLogger("distributed").setLevel(logging.CRITICAL)
             local = stack.enter_context(_local(distributed, workers))
             client = stack.enter_context(distributed.Client(local))

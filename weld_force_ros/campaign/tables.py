@@ -11,7 +11,7 @@ import pyarrow as pa  # type: ignore[import-untyped]
 from msgspec import UNSET
 
 from weld_force_ros.contract import AssessmentSettings, Criterion, ForceMap, Verdict, WeldProfile
-from weld_force_ros.core.criteria import CRITERIA, FORCE_CRITERIA, Passages, applies, decides, passages
+from weld_force_ros.core.criteria import CRITERIA, FORCE_CRITERIA, Passages, decides, in_force, passages
 from weld_force_ros.core.track import Real
 from weld_force_ros.core.verdict import counted_positions
 
@@ -126,6 +126,5 @@ def _within(speeds_kmh: Real, worst: Passages, limits: AssessmentSettings) -> An
     within = np.ones(len(speeds_kmh), dtype=np.bool_)
     for limit in limits.limits:
         if decides(limit) and limit.name in FORCE_CRITERIA:
-            in_force = np.array([applies(limit, speed) for speed in speeds_kmh])
-            within &= ~in_force | (np.asarray(FORCE_CRITERIA[limit.name](worst)) <= limit.limit)
+            within &= ~in_force(limit, speeds_kmh) | (np.asarray(FORCE_CRITERIA[limit.name](worst)) <= limit.limit)
     return within

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weld_force_ros.contract import HollowBand, Limit, Restriction, SpeedBand
-from weld_force_ros.core.criteria import FORCE_CRITERIA, Passages, applies, decides
+from weld_force_ros.core.criteria import FORCE_CRITERIA, Passages, decides, in_force
 from weld_force_ros.core.curves import curve_features
 from weld_force_ros.core.track import Real
 
@@ -64,9 +64,9 @@ def _within(speeds_kmh: Real, worst: Passages, limits: Sequence[Limit]) -> tuple
         values = FORCE_CRITERIA[limit.name](worst) if decides(limit) and limit.name in FORCE_CRITERIA else None
         if values is None:
             continue
-        in_force = np.array([applies(limit, speed) for speed in speeds_kmh])
-        upto_within &= ~in_force | (np.maximum.accumulate(values) <= limit.limit)
-        beyond |= in_force & (values > limit.limit)
+        held = in_force(limit, speeds_kmh)
+        upto_within &= ~held | (np.maximum.accumulate(values) <= limit.limit)
+        beyond |= held & (values > limit.limit)
     return upto_within, beyond
 
 

@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from msgspec import UnsetType
+from numpy.typing import NDArray
 
 from weld_force_ros.contract import Limit, NormPoint, ProfileMeasures
 from weld_force_ros.core.geometry import NORM_MRAD
@@ -115,9 +116,14 @@ def gradient_norm_rad(line_kmh: float, norm: Sequence[NormPoint]) -> float:
 
 def applies(limit: Limit, line_kmh: float) -> bool:
     """Whether a limit holds on a line of a speed."""
+    return bool(in_force(limit, np.array(line_kmh)))
+
+
+def in_force(limit: Limit, lines_kmh: Real) -> NDArray[np.bool_]:
+    """Whether a limit holds on lines of some speeds."""
     above = 0.0 if isinstance(limit.above_kmh, UnsetType) else limit.above_kmh
     upto = np.inf if isinstance(limit.to_kmh, UnsetType) else limit.to_kmh
-    return bool(above < line_kmh <= upto)
+    return np.asarray((above < lines_kmh) & (lines_kmh <= upto))
 
 
 def decides(limit: Limit) -> bool:

@@ -108,9 +108,9 @@ def curve_features(
     extent = float(np.ptp(force))
     if extent <= _LEVEL * float(np.abs(force).max()):  # rounding has no extrema
         return CurveFeatures(maxima=[], minima=[], hollows=[], monotonic=True, linearity=1.0, rise_n_per_kmh=0.0)
-    slope, offset = np.polyfit(speeds, force, 1)
-    scatter = force - np.mean(force)
-    residual = force - (slope * speeds + offset)
+    scatter, abscissa = force - np.mean(force), speeds - np.mean(speeds)
+    slope = (abscissa @ scatter) / (abscissa @ abscissa)
+    residual = scatter - slope * abscissa
     hollows = [_hollow(speeds, force, run) for run in _falls(force, tolerance * extent)]
     return CurveFeatures(
         maxima=_maxima(speeds, force, prominence * extent),

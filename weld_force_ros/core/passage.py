@@ -3,7 +3,7 @@
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sized
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import islice
@@ -15,7 +15,7 @@ from weld_force_ros.core import _kernel
 from weld_force_ros.core.batch import ECHO_S
 from weld_force_ros.core.propagation import StateModel
 from weld_force_ros.core.rolling import Roller
-from weld_force_ros.core.surface import TOLERANCE, Surface, SurfaceRoller
+from weld_force_ros.core.surface import TOLERANCE, Surface, SurfaceRoller, executor
 from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import Trajectory
 from weld_force_ros.core.wheel import Wheel
@@ -120,11 +120,11 @@ class Rig:
         """
         speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
         roll = partial(self._surfaces.roll, low_passed=low_passed, tolerance=tolerance)
-        with ThreadPoolExecutor(self._threads) as pool:
+        with executor(self._threads) as pool:
             waiting: deque[Future[list[Surface]]] = deque()
             for some in _some_at_a_time(trajectories, self._threads):
                 waiting.append(pool.submit(roll, some, speeds, positions, 1))
-                if len(waiting) > self._threads:
+                if len(waiting) > self._threads or self._threads == 1:
                     yield from waiting.popleft().result()
             for rolled in waiting:
                 yield from rolled.result()

@@ -76,7 +76,7 @@ class SurfaceRoller:
         cutoffs_hz = CUTOFFS_HZ if low_passed else ()
         places = len(trajectories) * len(positions_m)
         results = np.empty((len(speeds_kmh), places, _UNFILTERED + len(cutoffs_hz)))
-        with ThreadPoolExecutor(threads) if threads > 1 else _Here() as pool:
+        with executor(threads) as pool:
             for first in range(0, len(order), _TOGETHER):
                 rows = order[first : first + _TOGETHER]
                 results[rows] = self._roll_together(
@@ -127,6 +127,11 @@ class SurfaceRoller:
                     self._remembered.clear()
                 self._remembered[key] = batch
         return batch
+
+
+def executor(threads: int) -> Executor:
+    """That many threads; the calling one if it is to be one."""
+    return ThreadPoolExecutor(threads) if threads > 1 else _Here()
 
 
 class _Here(Executor):
