@@ -30,6 +30,8 @@ from weld_force_ros.campaign import definition, estimate, network, plan, profile
 
 _SPEEDS = "80:300:20"
 _POSITIONS = 5
+_GRID = f"speeds: {_SPEEDS}\npositions: {_POSITIONS}\n"
+_FEW = "speeds: [100, 200]\npositions: 2\n"
 _KERNEL_WELDS = 1500
 _KILLS = 20
 _REPEATED_WELDS = 5000  # smaller campaigns are run until they have as many, as their time is short and uncertain
@@ -60,26 +62,23 @@ class Bench:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
-    def campaign(self, welds: int) -> Path:
+    def campaign(self, welds: int, grid: str = _GRID) -> Path:
         """The file of a campaign over so many welds."""
         table, file = self._folder / f"{welds}.parquet", self._folder / f"{welds}.yaml"
         if not table.exists():
             profile_table.write(table, network.network(welds, seed=1))
-            file.write_text(
-                f"name: bench\nsources: [{{table: {table.name}, line: bench}}]\n"
-                f"speeds: {_SPEEDS}\npositions: {_POSITIONS}\n",
-                encoding="utf-8",
-            )
+        sources_line = f"sources: [{{table: {table.name}, line: bench}}]\n"
+        file.write_text(f"name: bench\n{sources_line}{grid}", encoding="utf-8")
         return file
 
     def out(self) -> Path:
         """A new folder for results."""
         return Path(tempfile.mkdtemp(dir=self._folder)) / "results"
 
-    def run(self, welds: int, workers: int = 2, scheduler: str | None = None) -> _Ran:
+    def run(self, welds: int, workers: int = 2, scheduler: str | None = None, grid: str = _GRID) -> _Ran:
         """Run a campaign to its end."""
         options = ("--workers", str(workers)) if scheduler is None else ("--scheduler", scheduler)
-        file, out = self.campaign(welds), self.out()
+        file, out = self.campaign(welds, grid), self.out()
         began = time.perf_counter()
         with _started(file, out, *options) as process, _watched(process.pid) as peaks:
             if process.wait():
@@ -112,8 +111,8 @@ class Bench:
         }  # fmt: skip
 
     def growth(self, sizes: list[int]) -> dict[str, Any]:
-        """Cost of a weld and the client's memory, by the number of welds."""
-        ran = [[self.run(size) for _ in range(max(1, _REPEATED_WELDS // size))] for size in sizes]
+        """Cost of a weld of four passages, where all but the kernel weighs most, and memory, by the number of welds."""
+        ran = [[self.run(size, grid=_FEW) for _ in range(max(1, _REPEATED_WELDS // size))] for size in sizes]
         each_ms = [1e3 / statistics.median(one.welds_per_s for one in same) for same in ran]
         return {
             "welds": sizes, "runs": [len(same) for same in ran], "weld_ms": [round(ms, 3) for ms in each_ms],

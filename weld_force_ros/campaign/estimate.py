@@ -5,7 +5,7 @@
     size = batches x size of an empty batch + welds x vehicles x size of one
 
 The time of one is measured in this process on one thread, reading, judging and writing included; another machine is
-faster or slower in proportion. The range is twice the standard error of the trials' mean, to either side.
+faster or slower in proportion. The range has twice the standard error of the trials' mean to either side, and DRIFT beyond it.
 """
 
 import tempfile
@@ -28,6 +28,9 @@ START_S = 8.0
 """Until workers have started, imported and loaded compiled code."""
 DRIVER_S = 0.01
 """A batch's time in the scheduler and its client, which is not shared out."""
+
+DRIFT = 0.15
+"""A machine's speed at other times, relative: that of the one this was made on changed by as much within an hour."""
 
 TRIALS = 10
 """Batches of which some welds are timed."""
@@ -57,8 +60,8 @@ class Estimate:
     def seconds(self) -> tuple[float, float, float]:
         """Least, expected and most."""
         mean, doubt = self.weld_s
-        low, expected, high = (self._seconds(max(0.0, weld_s)) for weld_s in (mean - doubt, mean, mean + doubt))
-        return low, expected, high
+        least, most = max(0.0, mean - doubt) / (1 + DRIFT), (mean + doubt) * (1 + DRIFT)
+        return self._seconds(least), self._seconds(mean), self._seconds(most)
 
     def _seconds(self, weld_s: float) -> float:
         rounds = -(-self.batches // self.workers)  # a last batch may keep one worker while the others are done
