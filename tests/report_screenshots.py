@@ -1,4 +1,4 @@
-"""The README's pictures of the report, from the demo's bag: `python -m tests.report_screenshots [FOLDER]`."""
+"""The README's pictures of report and campaign, from the demo's bag and a population: `make screenshots`."""
 
 import sys
 import tempfile
@@ -38,6 +38,34 @@ def open_weld(page: Any) -> None:
     page.wait_for_timeout(300)
 
 
+CAMPAIGN = """
+name: northern network
+sources: [{folder: welds, line: north}]
+vehicles:
+  freight: {static_load_n: 110.0e+3}
+  passenger: {static_load_n: 70.0e+3, mass_kg: 600.0}
+sections:
+  - {name: plain-line, lines: [north], chainage_m: [0, 9000], track: bilbao}
+  - {name: slab-like, track: bilbao-continuous, vehicles: [passenger]}
+speeds: 80:300:20
+positions: 5
+"""
+
+
+def take_campaign(browser: Any, folder: Path, out: Path) -> None:
+    """The summary that docs/whole-network.md leads to, made as it says there."""
+    (folder / "network.yaml").write_text(CAMPAIGN, encoding="utf-8")
+    commands = (["population", "2000", "--out", str(folder / "welds")], ["campaign", str(folder / "network.yaml")])
+    if any(weld_force(command) != 0 for command in commands):
+        sys.exit("the campaign did not run")
+    page = browser.new_page(viewport={"width": 1280, "height": 860})
+    page.goto((folder / "network-results" / "summary.html").as_uri())
+    page.wait_for_timeout(3000)
+    page.screenshot(
+        path=out / "network-summary.png", clip={"x": 0, "y": 0, "width": 1280, "height": 1500}, full_page=True
+    )
+
+
 def shrink(png: Path) -> None:
     """256 colours: a third of the size."""
     from PIL import Image  # comes with matplotlib
@@ -46,7 +74,7 @@ def shrink(png: Path) -> None:
 
 
 def main() -> None:
-    """Write the three pictures into a folder, docs by default."""
+    """Write the pictures into a folder, docs by default."""
     out = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs"
     path = printing.find_browser()
     if path is None:
@@ -57,9 +85,10 @@ def main() -> None:
             sys.exit("the demo's bag makes no report")
         browser = started.chromium.launch(executable_path=path, args=["--no-sandbox"])
         take(browser, file, out)
+        take_campaign(browser, Path(folder), out)
         browser.close()
-    for name in ("table", "weld", "phone"):
-        shrink(out / f"report-{name}.png")
+    for name in ("report-table", "report-weld", "report-phone", "network-summary"):
+        shrink(out / f"{name}.png")
 
 
 if __name__ == "__main__":

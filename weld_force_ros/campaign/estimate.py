@@ -5,7 +5,8 @@
     size = batches x size of an empty batch + welds x vehicles x size of one
 
 The time of one is measured in this process on one thread, reading, judging and writing included; another machine is
-faster or slower in proportion. The range has twice the standard error of the trials' mean to either side, and DRIFT beyond it.
+faster or slower in proportion. The range has twice the standard error of the trials' mean to either side, and DRIFT
+beyond it.
 """
 
 import tempfile

@@ -8,6 +8,7 @@ by the next run.
 import contextlib
 import itertools
 import logging
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from pathlib import Path
@@ -64,14 +65,16 @@ def cluster(scheduler: str | None, workers: int) -> Iterator[Any]:
 
 def _local(distributed: Any, workers: int) -> Any:
     try:
-        return distributed.LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            host=LOCAL,
-            dashboard_address=f"{LOCAL}:{DASHBOARD_PORT}",
-            worker_dashboard_address=None,
-            silence_logs=logging.CRITICAL,
-        )
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Port .* is already in use")  # another one is taken, and said
+            return distributed.LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                host=LOCAL,
+                dashboard_address=f"{LOCAL}:{DASHBOARD_PORT}",
+                worker_dashboard_address=None,
+                silence_logs=logging.CRITICAL,
+            )
     except (RuntimeError, OSError, TimeoutError) as error:  # a worker that ended before it had begun
         raise InputError(f"workers did not start: {error}", "run the same command again") from None
 
