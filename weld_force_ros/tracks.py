@@ -4,24 +4,19 @@ import math
 import os
 from dataclasses import dataclass
 from importlib import resources
-from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal
 
 import msgspec
-import yaml
 from msgspec import Meta
 
+from weld_force_ros import plain_yaml
 from weld_force_ros.contract import legible
 from weld_force_ros.core.track import Rail, Spring, Track
 from weld_force_ros.core.wheel import Wheel
 from weld_force_ros.errors import TrackError
 
 _DATA = resources.files("weld_force_ros.data")
-_LONGEST_FILE = 65_536
-_DEEPEST_YAML = 8
-
-T = TypeVar("T")
 
 
 class _Sourced(msgspec.Struct, forbid_unknown_fields=True):
@@ -101,7 +96,7 @@ def load(name_or_path: str) -> TrackDefinition:
             f"track {name_or_path!r} is neither shipped nor a YAML file", f"use {', '.join(shipped())} or FILE.yaml"
         )
     try:
-        text = read_yaml(path).decode()
+        text = plain_yaml.read(path).decode()
     except (OSError, ValueError) as error:
         raise TrackError(f"track file {path}: {error}", "give a readable YAML file") from None
     return parse(text, str(path))
@@ -113,10 +108,12 @@ def parse(text: str, source: str) -> TrackDefinition:
     Raises:
         TrackError: not YAML, an unknown or missing field, or a number out of its range.
     """
-    if len(text) > _LONGEST_FILE:
-        raise TrackError(f"track file {source}: over {_LONGEST_FILE} characters", "a track file has some forty lines")
+    if len(text) > plain_yaml.LONGEST:
+        raise TrackError(
+            f"track file {source}: over {plain_yaml.LONGEST} characters", "a track file has some forty lines"
+        )
     try:
-        file = decode_yaml(text.encode(), _TrackFile)
+        file = plain_yaml.decode(text.encode(), _TrackFile)
     except (msgspec.DecodeError, ValueError) as error:
         raise TrackError(
             f"track file {source}: {legible(str(error))}", "write it after data/tracks/bilbao.yaml"
@@ -148,41 +145,6 @@ def parse(text: str, source: str) -> TrackDefinition:
         hertz_n_per_m15=positive("wheel.hertz_gn_per_m15", wheel.hertz_gn_per_m15) * 1e9,
     )
     return TrackDefinition(track, rolling, file.description, text)
-
-
-def read_yaml(path: Traversable) -> bytes:
-    """The content of a YAML file, which is never read beyond the size that one can have.
-
-    Raises:
-        OSError, ValueError: not readable, or too large.
-    """
-    with path.open("rb") as file:
-        data = file.read(_LONGEST_FILE + 1)
-    if len(data) > _LONGEST_FILE:
-        raise ValueError(f"over {_LONGEST_FILE} bytes")
-    return data
-
-
-def decode_yaml(data: bytes, kind: type[T]) -> T:
-    """Read plain YAML as `kind`: no anchors, aliases or tags, and no deep nesting.
-
-    Those can make a small file grow without bound or overflow the C stack of the full parser, and none is needed here.
-
-    Raises:
-        ValueError, msgspec.DecodeError: not plain YAML, or not of that kind.
-    """
-    depth = 0
-    try:
-        for event in yaml.parse(data, Loader=yaml.SafeLoader):
-            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-            line = event.start_mark.line + 1 if event.start_mark else 1
-            if isinstance(event, yaml.NodeEvent) and (event.anchor or getattr(event, "tag", None)):
-                raise ValueError(f"line {line}: anchors, aliases and tags are not read")
-            if depth > _DEEPEST_YAML:
-                raise ValueError(f"line {line}: nested deeper than {_DEEPEST_YAML} levels")
-    except yaml.YAMLError as error:
-        raise ValueError(str(error)) from None
-    return msgspec.yaml.decode(data, type=kind)
 
 
 @dataclass(frozen=True)
