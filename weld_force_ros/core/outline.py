@@ -1,7 +1,7 @@
 """Outline of a flat-bottom rail's cross-section: arcs and lines, tangent to each other, from the crown to the foot.
 
 One half, as sections are symmetric about their vertical axis; y from that axis, z from the foot's underside. Between
-two straight parts lies a chain of arcs. All but one of its turns are given: the last one turns by what is left, and where
+two straight parts lies a chain of arcs. All but one of its turns are given: that one turns by what is left, and where
 the chain begins follows from its having to end on the next straight part.
 """
 
@@ -124,7 +124,7 @@ def _crown(d: Dimensions, side: float, wear_m: float) -> Real:
     new = _arcs(np.zeros(2), 0.0, arcs)
     y, depth = new[-1, 0], -new[-1, 1]
     widened = (y + (wear_m - depth) / d.side_slope) / (y - depth / d.side_slope)
-    return new * widened + np.array([0.0, d.height_m - wear_m])
+    return np.asarray(new * widened + np.array([0.0, d.height_m - wear_m]))
 
 
 def _fillet(before: _Line, after: _Line, arcs: Sequence[tuple[float, float | None]]) -> Real:

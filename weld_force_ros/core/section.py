@@ -18,6 +18,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 from skfem import Basis, BilinearForm, ElementQuad2, LinearForm, MeshQuad1, MeshQuad2
 
@@ -125,14 +126,26 @@ class Mesh:
             across = self.nodes[0] > 1e-9
         return np.flatnonzero(np.concatenate([across, np.ones_like(across)]))
 
-    def mean_height(self, within: Callable[[Real, Real], Real]) -> Real:
+    def displacement(self, t: Real) -> Real:
+        """Displacements across and upwards, (2, n_node), from the vector `t` of the module's text."""
+        full = np.zeros(2 * self.nodes.shape[1])
+        full[self._kept] = t
+        return full.reshape(2, -1)
+
+    def lines(self) -> NDArray[np.int64]:
+        """Nodes (3, n) of the elements' sides: ends and middle."""
+        ends = self.mesh.facets
+        middles = self._basis.dofs.facet_dofs[0]
+        return np.stack([ends[0], middles, ends[1]])
+
+    def mean_height(self, within: Callable[[Real, Real], NDArray[np.bool_]]) -> Real:
         """Weights (n_t,) whose product with t is the mean vertical displacement of a part of the section.
 
         Args:
             within: of y and z in m, whether a point belongs to the part; its edge has to be one of elements.
         """
         weights = self._times * LinearForm(lambda v, w: within(np.abs(w.x[0]), w.x[1]) * v).assemble(self._basis)
-        return np.concatenate([np.zeros_like(weights), weights / weights.sum()])[self._kept]
+        return np.asarray(np.concatenate([np.zeros_like(weights), weights / weights.sum()])[self._kept])
 
 
 def rail_mesh(outline: Outline, *, refine: int = 1, half: bool = True) -> Mesh:
@@ -197,7 +210,8 @@ class _Blocks:
         foot_inside, head_inside = line(points[below], foot), line(head, points[above])
         self._sides = {
             (0, 0): (line(axis[0], points[below]), web_below, line(axis[0], axis[1]), foot_inside),
-            (1, 0): (outer(below, foot_lower), outer(lower_fillet, foot_upper), foot_inside, outer(foot_lower, foot_upper)),
+            (1, 0): (outer(below, foot_lower), outer(lower_fillet, foot_upper), foot_inside,
+                     outer(foot_lower, foot_upper)),
             (0, 1): (web_below, web_above, line(axis[1], axis[2]), outer(lower_fillet, upper_fillet)),
             (0, 2): (web_above, outer(0, above), line(axis[2], axis[3]), head_inside),
             (1, 2): (outer(upper_fillet, lower), outer(above, crown), head_inside, outer(lower, crown)),

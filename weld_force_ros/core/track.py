@@ -12,6 +12,7 @@ supported Timoshenko beam", J. Sound Vib. 252 (2002)).
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -28,6 +29,7 @@ from weld_force_ros.core.supported import SupportedWaves, WavesAlong
 _STATIC_HZ = 0.1
 # Of strips, whose bending waves become one at rest: imaginary, where inertia stiffens by as much as 0.02 %.
 _STATIC_STRIP_HZ = -1j
+_MOST_REMEMBERED = 6  # of strips' waves: 13 kB a frequency
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ class Spring:
 class Track:
     """A rail on supports `spacing_m` apart, or, if `continuous`, on the same supports smeared over that spacing.
 
-    `pad_width_m` along the rail lets pads resist its rotation, on sleepers that do not rotate; of a rail by strips only.
+    `pad_width_m` along the rail lets pads resist its rotation, on sleepers that do not rotate; of strips only.
     """
 
     name: str
@@ -191,6 +193,14 @@ def pinned_pinned_hz(track: Track) -> float:
     return float(np.sqrt(square.real.min()) / (2 * np.pi))
 
 
+def free_decay(rail: Rail, frequency_hz: ArrayLike) -> Complex:
+    """Decay constants of a free rail's waves in 1/m, (n_wave, n_frequency); imaginary of one that just travels."""
+    omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
+    if isinstance(rail, StripRail):
+        return strip.rail(rail.section, rail.wear_m, rail.steel).moving(omega, loss_factor=rail.loss_factor).decay
+    return np.asarray(_RailWaves(rail, omega, 1.0).decay)
+
+
 class Waves(Protocol):
     """The waves in which a track answers a force, for many frequencies at once: two of a beam, more of strips.
 
@@ -220,7 +230,13 @@ def waves(track: Track, omega: Real | Complex) -> Waves:
 
 
 def _strip_waves(track: Track, rail: StripRail, omega: Real | Complex) -> Waves:
-    free = strip.rail(rail.section, rail.wear_m, rail.steel)
+    """Remembered, as fits ask for the same frequencies again and again."""
+    return _remembered_strip_waves(track, rail, np.asarray(omega, dtype=np.complex128).tobytes())
+
+
+@lru_cache(_MOST_REMEMBERED)
+def _remembered_strip_waves(track: Track, rail: StripRail, frequencies: bytes) -> Waves:
+    free, omega = strip.rail(rail.section, rail.wear_m, rail.steel), np.frombuffer(frequencies, dtype=np.complex128)
     if track.continuous:
         return WavesAlong(free.waves(omega, track.support_stiffness(omega) / track.spacing_m), track.spacing_m)
     pad, below = track.pad.dynamic_stiffness(omega), track.stiffness_below_pad(omega)
