@@ -13,7 +13,7 @@ from msgspec import UNSET, UnsetType
 from msgspec.structs import replace as changed
 from numpy.typing import NDArray
 
-from weld_force_ros import __version__, fits, tracks
+from weld_force_ros import __version__, fits, plain_yaml, tracks
 from weld_force_ros.contract import (
     AssessmentSettings,
     Engine,
@@ -405,7 +405,7 @@ def load_limits(path: Path | None = None) -> AssessmentSettings:
     remedy = "write it after data/limits/default.yaml"
     file = path or resources.files("weld_force_ros.data") / "limits" / "default.yaml"
     try:
-        content = tracks.decode_yaml(tracks.read_yaml(file), object)
+        content = plain_yaml.decode(plain_yaml.read(file), object)
         stated = msgspec.convert(content if isinstance(content, dict) else {"limits": content}, _LimitsFile)
         limits = [_limit(row) for row in stated.limits]
     except (OSError, msgspec.DecodeError, ValueError) as error:
@@ -447,7 +447,7 @@ def load_uncertainty(samples: int, path: Path | None = None) -> Uncertainty | No
     source = str(path or "data/uncertainty/default.yaml")
     file = path or resources.files("weld_force_ros.data") / "uncertainty" / "default.yaml"
     try:
-        stated = tracks.decode_yaml(tracks.read_yaml(file), dict[str, Any])
+        stated = plain_yaml.decode(plain_yaml.read(file), dict[str, Any])
         unknown = stated.keys() - set(Uncertainty.__struct_fields__)
         if unknown:
             raise ValueError(f"{', '.join(sorted(unknown))} is unknown")

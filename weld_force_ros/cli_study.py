@@ -110,6 +110,36 @@ def study_engines(
     terminal.say(f"{out}: {len(found.tables)} tables (CSV), engines.json, {len(pictures)} figures (PNG, SVG)")
 
 
+@app.command("rail")
+def study_rail(
+    out: Out,
+    track: Annotated[str, typer.Option("--track", help="A track: shipped, or a file.")] = "bilbao",
+    section: Annotated[str, typer.Option(help="The strips' section, if the track's rail is a beam.")] = "60E1",
+    quick: Quick = False,
+    json: Json = None,
+) -> None:
+    """Beam and finite strips: waves, receptances to 5 kHz, peak forces (a minute or two)."""
+    from weld_force_ros import terminal
+    from weld_force_ros.studies import gallery, rail
+
+    with terminal.progress() as bar:
+        found = rail.run(
+            track,
+            section,
+            coarse=quick,
+            stage=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
+            say=terminal.say,
+        )
+    shown = gallery.write_investigation(found, out)
+    gallery.write_page(out / "rail.html", [shown], title=found.title, introduction="One track with either rail.")
+    with json_lines.lines(json) as lines:
+        json_lines.write(lines, found.measured)
+    for name in ("parting", "forces"):
+        terminal.show_table(found.tables[name])
+    _tell([shown], out)
+    terminal.say(f"page: {out / 'rail.html'}")
+
+
 def _tell(shown: "list[Shown]", out: Path) -> None:
     from weld_force_ros import terminal
 

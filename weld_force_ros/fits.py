@@ -24,6 +24,8 @@ from weld_force_ros.tracks import TrackDefinition
 
 # Part of every fit's key: raise it when the fit of the same track would come out differently.
 FIT_VERSION = 2
+_LATER = ("pad_width_m",)
+"""Fields of a track that came later: left out where they say nothing, so that earlier keys hold."""
 
 FittedEngine = Literal["common-poles", "rfp"]
 
@@ -131,7 +133,8 @@ class _Interrupted(msgspec.Struct):
 
 def key_of(definition: TrackDefinition, engine: FittedEngine = "common-poles", searched: Search | None = None) -> str:
     """Identity of a fit: the numbers it depends on, not the text they came in."""
-    content = [FIT_VERSION, engine, asdict(definition.track) | {"name": ""}, asdict(definition.wheel)]
+    track = {name: value for name, value in asdict(definition.track).items() if name not in _LATER or value}
+    content = [FIT_VERSION, engine, track | {"name": ""}, asdict(definition.wheel)]
     if engine == "rfp":
         content.append(msgspec.to_builtins(searched or Search()))
     return hashlib.sha256(msgspec.json.encode(content, order="sorted")).hexdigest()

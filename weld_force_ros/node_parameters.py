@@ -9,10 +9,9 @@ from typing import Annotated, Any
 
 import msgspec
 
-from weld_force_ros import assess
+from weld_force_ros import assess, plain_yaml
 from weld_force_ros.contract import SimulationSettings, legible
 from weld_force_ros.errors import InputError
-from weld_force_ros.tracks import decode_yaml, read_yaml
 
 Value = str | float | int | bool
 
@@ -126,7 +125,7 @@ def read_config(path: Path) -> dict[str, dict[str, dict[str, Any]]]:
         InputError: not readable, not of that form, an unknown node or parameter, a wrong type or a value out of range.
     """
     try:
-        config = decode_yaml(read_yaml(path), dict[str, dict[str, dict[str, Any]]])
+        config = plain_yaml.decode(plain_yaml.read(path), dict[str, dict[str, dict[str, Any]]])
         for pattern, content in config.items():
             _check(pattern, content)
     except OSError as error:

@@ -2,26 +2,23 @@
 
 import math
 import os
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib import resources
-from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal
 
 import msgspec
-import yaml
 from msgspec import Meta
 
+from weld_force_ros import plain_yaml, sections
 from weld_force_ros.contract import legible
-from weld_force_ros.core.track import Rail, Spring, Track
+from weld_force_ros.core.outline import outline
+from weld_force_ros.core.track import Rail, Spring, StripRail, Track
 from weld_force_ros.core.wheel import Wheel
-from weld_force_ros.errors import TrackError
+from weld_force_ros.errors import InputError, TrackError
 
 _DATA = resources.files("weld_force_ros.data")
-_LONGEST_FILE = 65_536
-_DEEPEST_YAML = 8
-
-T = TypeVar("T")
+_MOST_POISSON = 0.45
 
 
 class _Sourced(msgspec.Struct, forbid_unknown_fields=True):
@@ -33,14 +30,18 @@ _Number = float | _Sourced
 
 
 class _RailFile(msgspec.Struct, forbid_unknown_fields=True):
-    mass_kg_per_m: _Number
-    area_cm2: _Number
-    second_moment_cm4: _Number
+    """A rail; mass, area and second moment may be left out where `section` names or describes one."""
+
     youngs_modulus_gpa: _Number
     shear_modulus_gpa: _Number
     shear_coefficient: _Number
+    mass_kg_per_m: _Number | None = None
+    area_cm2: _Number | None = None
+    second_moment_cm4: _Number | None = None
     loss_factor: _Number = 0.0
-    section: str = ""
+    model: Literal["timoshenko", "finite-strip"] = "timoshenko"
+    section: str | sections.SectionFile = ""
+    wear_mm: _Number = 0.0
 
 
 class _LayerFile(msgspec.Struct, forbid_unknown_fields=True):
@@ -49,10 +50,14 @@ class _LayerFile(msgspec.Struct, forbid_unknown_fields=True):
     damping_kns_per_m: _Number = 0.0
 
 
+class _PadFile(_LayerFile, forbid_unknown_fields=True):
+    width_m: _Number = 0.0
+
+
 class _SupportsFile(msgspec.Struct, forbid_unknown_fields=True):
     kind: Literal["periodic", "continuous"]
     spacing_m: _Number
-    pad: _LayerFile
+    pad: _PadFile
     half_sleeper_mass_kg: _Number
     ballast: _LayerFile
 
@@ -101,7 +106,7 @@ def load(name_or_path: str) -> TrackDefinition:
             f"track {name_or_path!r} is neither shipped nor a YAML file", f"use {', '.join(shipped())} or FILE.yaml"
         )
     try:
-        text = read_yaml(path).decode()
+        text = plain_yaml.read(path).decode()
     except (OSError, ValueError) as error:
         raise TrackError(f"track file {path}: {error}", "give a readable YAML file") from None
     return parse(text, str(path))
@@ -113,10 +118,12 @@ def parse(text: str, source: str) -> TrackDefinition:
     Raises:
         TrackError: not YAML, an unknown or missing field, or a number out of its range.
     """
-    if len(text) > _LONGEST_FILE:
-        raise TrackError(f"track file {source}: over {_LONGEST_FILE} characters", "a track file has some forty lines")
+    if len(text) > plain_yaml.LONGEST:
+        raise TrackError(
+            f"track file {source}: over {plain_yaml.LONGEST} characters", "a track file has some forty lines"
+        )
     try:
-        file = decode_yaml(text.encode(), _TrackFile)
+        file = plain_yaml.decode(text.encode(), _TrackFile)
     except (msgspec.DecodeError, ValueError) as error:
         raise TrackError(
             f"track file {source}: {legible(str(error))}", "write it after data/tracks/bilbao.yaml"
@@ -126,21 +133,18 @@ def parse(text: str, source: str) -> TrackDefinition:
     positive = reader.positive
     track = Track(
         name=file.name,
-        rail=Rail(
-            mass_kg_per_m=positive("rail.mass_kg_per_m", rail.mass_kg_per_m),
-            area_m2=positive("rail.area_cm2", rail.area_cm2) * 1e-4,
-            second_moment_m4=positive("rail.second_moment_cm4", rail.second_moment_cm4) * 1e-8,
-            youngs_modulus_pa=positive("rail.youngs_modulus_gpa", rail.youngs_modulus_gpa) * 1e9,
-            shear_modulus_pa=positive("rail.shear_modulus_gpa", rail.shear_modulus_gpa) * 1e9,
-            shear_coefficient=reader.within("rail.shear_coefficient", rail.shear_coefficient, 0.05, 1.0),
-            loss_factor=reader.within("rail.loss_factor", rail.loss_factor, 0.0, 0.5),
-        ),
+        rail=_rail(reader, rail),
         pad=reader.spring("supports.pad", supports.pad),
         sleeper_mass_kg=positive("supports.half_sleeper_mass_kg", supports.half_sleeper_mass_kg),
         ballast=reader.spring("supports.ballast", supports.ballast),
         spacing_m=reader.within("supports.spacing_m", supports.spacing_m, 0.2, 2.0),
         continuous=supports.kind == "continuous",
+        pad_width_m=reader.within("supports.pad.width_m", supports.pad.width_m, 0.0, 0.4),
     )
+    if track.pad_width_m and not isinstance(track.rail, StripRail):
+        raise TrackError(
+            f"track file {source}: supports.pad.width_m with a rail that is a beam", "write `model: finite-strip`"
+        )
     rolling = Wheel(
         mass_kg=positive("wheel.mass_kg", wheel.mass_kg),
         static_load_n=positive("wheel.static_load_kn", wheel.static_load_kn) * 1e3,
@@ -150,39 +154,55 @@ def parse(text: str, source: str) -> TrackDefinition:
     return TrackDefinition(track, rolling, file.description, text)
 
 
-def read_yaml(path: Traversable) -> bytes:
-    """The content of a YAML file, which is never read beyond the size that one can have.
+def _rail(reader: "_Reader", file: _RailFile) -> Rail:
+    """The beam, or the finite strips, that a file describes."""
+    section = _section(reader, file)
+    standard = section.standard if section else None
 
-    Raises:
-        OSError, ValueError: not readable, or too large.
-    """
-    with path.open("rb") as file:
-        data = file.read(_LONGEST_FILE + 1)
-    if len(data) > _LONGEST_FILE:
-        raise ValueError(f"over {_LONGEST_FILE} bytes")
-    return data
+    def of_section(name: str) -> float:
+        number = getattr(file, name)
+        if number is None and standard is not None:
+            number = getattr(standard, name)
+        if number is None:
+            raise TrackError(f"track file {reader.source}: rail.{name} is missing", "give it, or name a section")
+        return reader.positive(f"rail.{name}", number)
 
-
-def decode_yaml(data: bytes, kind: type[T]) -> T:
-    """Read plain YAML as `kind`: no anchors, aliases or tags, and no deep nesting.
-
-    Those can make a small file grow without bound or overflow the C stack of the full parser, and none is needed here.
-
-    Raises:
-        ValueError, msgspec.DecodeError: not plain YAML, or not of that kind.
-    """
-    depth = 0
+    beam = Rail(
+        mass_kg_per_m=of_section("mass_kg_per_m"),
+        area_m2=of_section("area_cm2") * 1e-4,
+        second_moment_m4=of_section("second_moment_cm4") * 1e-8,
+        youngs_modulus_pa=reader.positive("rail.youngs_modulus_gpa", file.youngs_modulus_gpa) * 1e9,
+        shear_modulus_pa=reader.positive("rail.shear_modulus_gpa", file.shear_modulus_gpa) * 1e9,
+        shear_coefficient=reader.within("rail.shear_coefficient", file.shear_coefficient, 0.05, 1.0),
+        loss_factor=reader.within("rail.loss_factor", file.loss_factor, 0.0, 0.5),
+    )
+    wear_m = reader.within("rail.wear_mm", file.wear_mm, 0.0, 30.0) * 1e-3
+    if file.model == "timoshenko":
+        if wear_m:
+            raise TrackError(f"track file {reader.source}: rail.wear_mm of a beam", "write `model: finite-strip`")
+        return beam
+    if section is None:
+        raise TrackError(
+            f"track file {reader.source}: finite strips of section {file.section!r}",
+            f"name {', '.join(sections.shipped())}, or describe one in its place",
+        )
+    poisson = beam.youngs_modulus_pa / (2 * beam.shear_modulus_pa) - 1
+    if not 0 <= poisson <= _MOST_POISSON:
+        raise TrackError(
+            f"track file {reader.source}: Poisson's ratio E / 2G - 1 is {poisson:.3g}", "correct either modulus"
+        )
     try:
-        for event in yaml.parse(data, Loader=yaml.SafeLoader):
-            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-            line = event.start_mark.line + 1 if event.start_mark else 1
-            if isinstance(event, yaml.NodeEvent) and (event.anchor or getattr(event, "tag", None)):
-                raise ValueError(f"line {line}: anchors, aliases and tags are not read")
-            if depth > _DEEPEST_YAML:
-                raise ValueError(f"line {line}: nested deeper than {_DEEPEST_YAML} levels")
-    except yaml.YAMLError as error:
-        raise ValueError(str(error)) from None
-    return msgspec.yaml.decode(data, type=kind)
+        outline(section.dimensions, wear_m)
+    except InputError as error:
+        raise TrackError(f"track file {reader.source}: {error.reason}", error.remedy) from None
+    return StripRail(**asdict(beam), section=section.dimensions, wear_m=wear_m)
+
+
+def _section(reader: "_Reader", file: _RailFile) -> sections.SectionDefinition | None:
+    """The section that is named or described; None if there is no such name, which a beam does not need."""
+    if isinstance(file.section, str):
+        return sections.load(file.section) if file.section in sections.shipped() else None
+    return sections.described(file.section)
 
 
 @dataclass(frozen=True)

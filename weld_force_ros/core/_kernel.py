@@ -513,32 +513,28 @@ def moving_response(
 ):
     """Response, step by step, under a point that leaves grid point `start` with the force pulse it gave there.
 
-    Sums waves over frequency: `behind` (2, n_frequency) is the pulse's spectrum in each wave, `shape`
-    (n_grid, 2, n_frequency) the waves over a span, `multiplier` (2, n_frequency) their ratio from span to span, `turn`
-    (n_frequency) the phase of one step. `behind` is changed; `row` (n_step) gets the response.
+    Sums waves over frequency: `behind` (n_wave, n_frequency) is the pulse's spectrum in each wave, `shape`
+    (n_grid, n_wave, n_frequency) the waves over a span, `multiplier` (n_wave, n_frequency) their ratio from span to
+    span, `turn` (n_frequency) the phase of one step. `behind` is changed; `row` (n_step) gets the response.
     """
-    grid, _, frequencies = shape_re.shape
+    grid, waves, frequencies = shape_re.shape
     phase_re, phase_im = np.ones(frequencies), np.zeros(frequencies)
     j = start
     for n in range(row.shape[0]):
         if j == grid:
             j = 0
-            for i in range(2):
+            for i in range(waves):
                 for k in range(frequencies):
                     re, im = behind_re[i, k], behind_im[i, k]
                     behind_re[i, k] = re * multiplier_re[i, k] - im * multiplier_im[i, k]
                     behind_im[i, k] = re * multiplier_im[i, k] + im * multiplier_re[i, k]
         total = 0.0
+        for i in range(waves):
+            for k in range(frequencies):
+                re = behind_re[i, k] * shape_re[j, i, k] - behind_im[i, k] * shape_im[j, i, k]
+                im = behind_re[i, k] * shape_im[j, i, k] + behind_im[i, k] * shape_re[j, i, k]
+                total += re * phase_re[k] - im * phase_im[k]
         for k in range(frequencies):
-            re = (
-                behind_re[0, k] * shape_re[j, 0, k] - behind_im[0, k] * shape_im[j, 0, k]
-                + behind_re[1, k] * shape_re[j, 1, k] - behind_im[1, k] * shape_im[j, 1, k]
-            )  # fmt: skip
-            im = (
-                behind_re[0, k] * shape_im[j, 0, k] + behind_im[0, k] * shape_re[j, 0, k]
-                + behind_re[1, k] * shape_im[j, 1, k] + behind_im[1, k] * shape_re[j, 1, k]
-            )  # fmt: skip
-            total += re * phase_re[k] - im * phase_im[k]
             turned = phase_re[k] * turn_re[k] - phase_im[k] * turn_im[k]
             phase_im[k] = phase_re[k] * turn_im[k] + phase_im[k] * turn_re[k]
             phase_re[k] = turned

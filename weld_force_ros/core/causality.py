@@ -9,11 +9,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from weld_force_ros.core import track as tracks
-from weld_force_ros.core.track import Complex, Real, Track
+from weld_force_ros.core.track import Complex, Real, StripRail, Track
 
 _STEP_HZ = 1.0
+_EVERY = 4
 _BAND_HZ = 12_000.0
 _JUMP_DECAY_RAD_S = 2 * np.pi * 1000.0
 
@@ -46,10 +48,18 @@ class Acausal:
         return float(np.sqrt(np.sum(weight * np.abs((self.causal - self.exact) / seen) ** 2) / np.sum(weight)))
 
 
+def _receptance(track: Track, frequency: Real, at_m: float) -> Complex:
+    """Point receptance (n,); of a rail by strips, which takes milliseconds a frequency, between every few of them."""
+    if not isinstance(track.rail, StripRail):
+        return np.asarray(tracks.receptance(track, frequency, at_m)[0])
+    knots = np.append(frequency[::_EVERY], frequency[-1])
+    return np.asarray(CubicSpline(knots, tracks.receptance(track, knots, at_m)[0])(frequency))
+
+
 def acausal(track: Track, at_m: float) -> Acausal:
     """Split the point receptance at `at_m` metres after a sleeper at the impulse."""
     frequency = _STEP_HZ * np.arange(int(_BAND_HZ / _STEP_HZ) + 1)
-    exact = np.append(tracks.static_compliance(track, at_m) + 0j, tracks.receptance(track, frequency[1:], at_m)[0])
+    exact = np.append(tracks.static_compliance(track, at_m) + 0j, _receptance(track, frequency[1:], at_m))
     # The jump of the rail's velocity under a force falls as 1 / omega only: exactly causal, it stays out of the cut.
     jump = tracks.velocity_jump(track.rail) / (2j * np.pi * frequency + _JUMP_DECAY_RAD_S)
     taper = 0.5 + 0.5 * np.cos(np.pi * np.clip(5 * frequency / _BAND_HZ - 4, 0.0, 1.0))

@@ -12,16 +12,24 @@ supported Timoshenko beam", J. Sound Vib. 252 (2002)).
 """
 
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from functools import lru_cache
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Complex = NDArray[np.complexfloating[Any, Any]]
-Real = NDArray[np.floating[Any]]
+from weld_force_ros.core import strip
+from weld_force_ros.core.arrays import Complex as Complex
+from weld_force_ros.core.arrays import Real as Real
+from weld_force_ros.core.outline import Dimensions
+from weld_force_ros.core.strip import Steel
+from weld_force_ros.core.supported import SupportedWaves, WavesAlong
 
 # Low enough for inertia to vanish (some 1e-6 of the stiffness), high enough for the waves to stay distinct numbers.
 _STATIC_HZ = 0.1
+# Of strips, whose bending waves become one at rest: imaginary, where inertia stiffens by as much as 0.02 %.
+_STATIC_STRIP_HZ = -1j
+_MOST_REMEMBERED = 6  # of strips' waves: 13 kB a frequency
 
 
 @dataclass(frozen=True)
@@ -35,6 +43,25 @@ class Rail:
     shear_modulus_pa: float
     shear_coefficient: float
     loss_factor: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class StripRail(Rail):
+    """A rail by finite strips; the beam's numbers serve where only a beam's can.
+
+    Attributes:
+        section: its cross-section.
+        wear_m: by how much its crown is lower.
+    """
+
+    section: Dimensions
+    wear_m: float = 0.0
+
+    @property
+    def steel(self) -> Steel:
+        """What it is made of."""
+        density = self.mass_kg_per_m / self.area_m2
+        return Steel(self.youngs_modulus_pa, self.shear_modulus_pa, density, self.loss_factor)
 
 
 @dataclass(frozen=True)
@@ -57,7 +84,10 @@ class Spring:
 
 @dataclass(frozen=True)
 class Track:
-    """A rail on supports `spacing_m` apart, or, if `continuous`, on the same supports smeared over that spacing."""
+    """A rail on supports `spacing_m` apart, or, if `continuous`, on the same supports smeared over that spacing.
+
+    `pad_width_m` along the rail lets pads resist its rotation, on sleepers that do not rotate; of strips only.
+    """
 
     name: str
     rail: Rail
@@ -66,6 +96,7 @@ class Track:
     ballast: Spring
     spacing_m: float
     continuous: bool = False
+    pad_width_m: float = 0.0
 
     def undamped(self) -> "Track":
         """The same track without any loss."""
@@ -80,9 +111,12 @@ class Track:
 
     def support_stiffness(self, omega: Real | Complex) -> Complex:
         """Dynamic stiffness of one support seen by the rail, N/m."""
-        pad = self.pad.dynamic_stiffness(omega)
-        below = self.ballast.dynamic_stiffness(omega) - self.sleeper_mass_kg * omega**2
+        pad, below = self.pad.dynamic_stiffness(omega), self.stiffness_below_pad(omega)
         return np.asarray(pad * below / (pad + below))
+
+    def stiffness_below_pad(self, omega: Real | Complex) -> Complex:
+        """Dynamic stiffness of sleeper and ballast, N/m."""
+        return np.asarray(self.ballast.dynamic_stiffness(omega) - self.sleeper_mass_kg * omega**2)
 
 
 def receptance(track: Track, frequency_hz: ArrayLike, at_m: ArrayLike) -> Complex:
@@ -159,38 +193,67 @@ def pinned_pinned_hz(track: Track) -> float:
     return float(np.sqrt(square.real.min()) / (2 * np.pi))
 
 
+def free_decay(rail: Rail, frequency_hz: ArrayLike) -> Complex:
+    """Decay constants of a free rail's waves in 1/m, (n_wave, n_frequency); imaginary of one that just travels."""
+    omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
+    if isinstance(rail, StripRail):
+        return strip.rail(rail.section, rail.wear_m, rail.steel).moving(omega, loss_factor=rail.loss_factor).decay
+    return np.asarray(_RailWaves(rail, omega, 1.0).decay)
+
+
 class Waves(Protocol):
-    """The two waves in which a track answers a force, for many frequencies at once.
+    """The waves in which a track answers a force, for many frequencies at once: two of a beam, more of strips.
 
     The response at x to a force at x0 <= x is sum_i strength_i shape_i(x) shape_i(-x0).
 
     Attributes:
-        strength: (2, n_frequency), m/N.
-        multiplier: (2, n_frequency), a wave's ratio from one span to the next, magnitude at most 1.
+        span_m: the period.
+        strength: (n_wave, n_frequency), m/N.
+        multiplier: (n_wave, n_frequency), a wave's ratio from one span to the next, magnitude at most 1.
     """
 
+    span_m: float
     strength: Complex
     multiplier: Complex
 
     def shape(self, x_m: Real) -> Complex:
-        """The waves that decay towards +x: (2, n_x, n_frequency)."""
+        """The waves that decay towards +x: (n_wave, n_x, n_frequency)."""
 
 
 def waves(track: Track, omega: Real | Complex) -> Waves:
     """A track's waves at angular frequencies `omega` (n_frequency,), rad/s, real part positive or zero."""
+    if isinstance(track.rail, StripRail):
+        return _strip_waves(track, track.rail, omega)
     if track.continuous:
         return _RailWaves(track.rail, omega, track.spacing_m, track.support_stiffness(omega) / track.spacing_m)
     return _FloquetWaves(track, omega)
 
 
+def _strip_waves(track: Track, rail: StripRail, omega: Real | Complex) -> Waves:
+    """Remembered, as fits ask for the same frequencies again and again."""
+    return _remembered_strip_waves(track, rail, np.asarray(omega, dtype=np.complex128).tobytes())
+
+
+@lru_cache(_MOST_REMEMBERED)
+def _remembered_strip_waves(track: Track, rail: StripRail, frequencies: bytes) -> Waves:
+    free, omega = strip.rail(rail.section, rail.wear_m, rail.steel), np.frombuffer(frequencies, dtype=np.complex128)
+    if track.continuous:
+        return WavesAlong(free.waves(omega, track.support_stiffness(omega) / track.spacing_m), track.spacing_m)
+    pad, below = track.pad.dynamic_stiffness(omega), track.stiffness_below_pad(omega)
+    return SupportedWaves(free.waves(omega), track.spacing_m, pad, below, track.pad_width_m)
+
+
 def static_waves(track: Track) -> Waves:
     """The waves of a track at rest, where loss does not act: one frequency, next to zero."""
-    return waves(track.undamped(), np.array([2 * np.pi * _STATIC_HZ]))
+    hz = _STATIC_STRIP_HZ if isinstance(track.rail, StripRail) else _STATIC_HZ
+    return waves(track.undamped(), np.array([2 * np.pi * hz]))
 
 
 def _response(waves: Waves, at_m: Real, force_at_m: Real) -> Complex:
     ahead = np.maximum(at_m, force_at_m)
     behind = np.minimum(at_m, force_at_m)  # reciprocity: the response depends on the pair only
+    first_m = waves.span_m * np.floor(behind / waves.span_m)  # near waves of strips grow by many powers a span
+    ahead, behind = ahead - first_m, behind - first_m
     parts = waves.strength[:, None, :] * waves.shape(ahead) * waves.shape(-behind)
     return np.asarray(parts.sum(axis=0))
 
@@ -199,6 +262,7 @@ class _RailWaves:
     """The rail's two waves, free or on a foundation of complex stiffness N/m^2: exp(-decay x), Re(decay) > 0."""
 
     def __init__(self, rail: Rail, omega: Real | Complex, span_m: float, foundation: Complex | float = 0.0) -> None:
+        self.span_m = span_m
         loss = 1 + 1j * rail.loss_factor
         shear = rail.shear_coefficient * rail.shear_modulus_pa * rail.area_m2 * loss
         bending = rail.youngs_modulus_pa * rail.second_moment_m4 * loss

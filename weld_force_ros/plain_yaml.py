@@ -1,0 +1,48 @@
+"""YAML as it is read everywhere: small files of plain content, into what they are declared to hold."""
+
+from importlib.resources.abc import Traversable
+from typing import TypeVar
+
+import msgspec
+import yaml
+
+LONGEST = 65_536
+"""Bytes that a file can have."""
+_DEEPEST = 8
+
+T = TypeVar("T")
+
+
+def read(path: Traversable) -> bytes:
+    """The content of a YAML file, which is never read beyond the size that one can have.
+
+    Raises:
+        OSError, ValueError: not readable, or too large.
+    """
+    with path.open("rb") as file:
+        data = file.read(LONGEST + 1)
+    if len(data) > LONGEST:
+        raise ValueError(f"over {LONGEST} bytes")
+    return data
+
+
+def decode(data: bytes, kind: type[T]) -> T:
+    """Read plain YAML as `kind`: no anchors, aliases or tags, and no deep nesting.
+
+    Those can make a small file grow without bound or overflow the C stack of the full parser, and none is needed here.
+
+    Raises:
+        ValueError, msgspec.DecodeError: not plain YAML, or not of that kind.
+    """
+    depth = 0
+    try:
+        for event in yaml.parse(data, Loader=yaml.SafeLoader):
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            line = event.start_mark.line + 1 if event.start_mark else 1
+            if isinstance(event, yaml.NodeEvent) and (event.anchor or getattr(event, "tag", None)):
+                raise ValueError(f"line {line}: anchors, aliases and tags are not read")
+            if depth > _DEEPEST:
+                raise ValueError(f"line {line}: nested deeper than {_DEEPEST} levels")
+    except yaml.YAMLError as error:
+        raise ValueError(str(error)) from None
+    return msgspec.yaml.decode(data, type=kind)

@@ -1,0 +1,226 @@
+"""Study `rail`: a beam and finite strips under the same track and the same welds: where a beam stops being enough."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from weld_force_ros import fits, profiles, sections, tracks
+from weld_force_ros.core import strip
+from weld_force_ros.core import track as core_tracks
+from weld_force_ros.core.outline import Dimensions
+from weld_force_ros.core.passage import Rig
+from weld_force_ros.core.surface import Surface
+from weld_force_ros.core.track import Complex, Rail, Real, StripRail
+from weld_force_ros.core.weld import wheel_trajectory
+from weld_force_ros.studies import rail_figures
+from weld_force_ros.studies.laboratory import DIP_48, WELDS, Investigation, Measured, as_columns
+from weld_force_ros.studies.tables import Cell, Column, Table
+from weld_force_ros.tracks import TrackDefinition
+
+HIGHEST_HZ = 5000.0
+PARTING = (0.05, 0.10, 0.20)
+SHAPES_HZ = (1000.0, 4800.0)
+_SPANS = (0.0, 0.25, 0.5)
+_STEP_HZ = 10.0
+_BELOW_HZ = 500.0
+_BENDING_HZ = 300.0
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Peak forces over a weld on either rail, (n_speed, n_position)."""
+
+    weld: str
+    speeds_kmh: Real
+    beam: Surface
+    strip: Surface
+
+    @property
+    def difference(self) -> Real:
+        """Of the strip's peak force from the beam's, relative."""
+        return np.asarray(self.strip.peak_force_n / self.beam.peak_force_n - 1)
+
+    @property
+    def worst(self) -> tuple[Real, Real]:
+        """The worst position's force at each speed, beam and strip."""
+        return self.beam.peak_force_n.max(axis=1), self.strip.peak_force_n.max(axis=1)
+
+
+def with_strips(definition: TrackDefinition, section: Dimensions) -> TrackDefinition:
+    """The same track, its rail by finite strips of a section."""
+    rail = StripRail(**asdict(_beam_of(definition.track.rail)), section=section)
+    return replace(definition, track=replace(definition.track, rail=rail))
+
+
+def with_beam(definition: TrackDefinition) -> TrackDefinition:
+    """The same track, its rail a beam and its pads points."""
+    track = replace(definition.track, rail=_beam_of(definition.track.rail), pad_width_m=0.0)
+    return replace(definition, track=track)
+
+
+def _beam_of(rail: Rail) -> Rail:
+    return Rail(**{name: getattr(rail, name) for name in Rail.__dataclass_fields__})
+
+
+def run(
+    track: str,
+    section: str,
+    *,
+    coarse: bool = False,
+    stage: Callable[[str, int], Callable[[], None]],
+    say: Callable[[str], None],
+) -> Investigation:
+    """Waves, receptances and peak forces of both rails.
+
+    Args:
+        track: name or file; a rail by strips in it is compared as it stands.
+        section: shipped one for a track whose rail is a beam.
+        coarse: fewer frequencies, speeds and positions.
+        stage: opens a stage of a name and a number of steps; what it returns is called after each step.
+        say: told if a fit has to be made.
+
+    Raises:
+        TrackError: a track or section that cannot be used.
+    """
+    given = tracks.load(track)
+    beam = with_beam(given)
+    strips = given
+    if not isinstance(given.track.rail, StripRail):
+        strips = with_strips(given, sections.load(section).dimensions)
+    frequency_hz = np.arange(_STEP_HZ, HIGHEST_HZ + 1, _STEP_HZ * (5 if coarse else 1))
+    advance = stage("waves and receptances", 4)
+    waves = {name: _wavenumbers(one.track.rail, frequency_hz) for name, one in _both(beam, strips)}
+    advance()
+    at_m = np.array(_SPANS) * beam.track.spacing_m
+    receptances = {}
+    for name, one in _both(beam, strips):
+        receptances[name] = core_tracks.receptance(one.track, frequency_hz, at_m)
+        advance()
+    shapes = _shapes(strips.track.rail)
+    advance()
+    forces = _forces(beam, strips, coarse, stage, say)
+    pictures = [
+        rail_figures.dispersion(frequency_hz, waves),
+        rail_figures.receptances(frequency_hz, at_m, receptances),
+        rail_figures.differences(frequency_hz, at_m, receptances),
+        rail_figures.peak_forces([rail_figures.Curves(one.weld, one.speeds_kmh, *one.worst) for one in forces]),
+        rail_figures.wave_shapes(shapes),
+    ]
+    found = {
+        "parting": _parting(frequency_hz, at_m, receptances),
+        "forces": _force_table(forces),
+        "receptance": _receptance_table(frequency_hz, at_m, receptances),
+    }
+    measured = _measured(beam, strips, frequency_hz, receptances, forces)
+    return Investigation("rail", f"Beam and finite strips: {given.track.name}", pictures, found, measured)
+
+
+def _both(beam: TrackDefinition, strips: TrackDefinition) -> tuple[tuple[str, TrackDefinition], ...]:
+    return ("beam", beam), ("strip", strips)
+
+
+def _wavenumbers(rail: Rail, frequency_hz: Real) -> Real:
+    """Wavenumbers (n_wave, n_frequency) of the free rail's travelling waves, without loss; NaN of those that decay."""
+    decay = core_tracks.free_decay(replace(rail, loss_factor=0.0), frequency_hz)
+    return np.where(np.abs(decay.real) <= 1e-6 * np.abs(decay), np.abs(decay.imag), np.nan)
+
+
+def _shapes(rail: Rail) -> list[rail_figures.Shape]:
+    """Waves of the section at some frequencies."""
+    if not isinstance(rail, StripRail):
+        raise TypeError("waves of a section are asked of a beam")
+    free = strip.rail(rail.section, rail.wear_m, rail.steel, refine=1)  # elements that can be seen
+    return [rail_figures.Shape(hz, wave, free.mesh) for hz in SHAPES_HZ for wave in free.travelling(hz)]
+
+
+def _forces(
+    beam: TrackDefinition,
+    strips: TrackDefinition,
+    coarse: bool,
+    stage: Callable[[str, int], Callable[[], None]],
+    say: Callable[[str], None],
+) -> list[Forces]:
+    """Over the paper's five welds and its shorter dip, both tracks by the same engine."""
+    speeds = np.arange(20.0, 301.0, 15.0 if coarse else 5.0)
+    positions = np.arange(5 if coarse else 15) * beam.track.spacing_m / (5 if coarse else 15)
+    names = (*WELDS, DIP_48)
+    advance = stage("peak forces", len(names) + 1)
+    rigs = {name: Rig(fits.fitted(one, on_fit=say).model(), one.wheel) for name, one in _both(beam, strips)}
+    advance()
+    found = []
+    for name in names:
+        profile = profiles.read_profile(profiles.find(name))
+        way = wheel_trajectory(np.array(profile.x_m), np.array(profile.z_m), beam.wheel.radius_m)
+        surfaces = {rail: rig.surface(way, speeds, positions) for rail, rig in rigs.items()}
+        found.append(Forces(name, speeds, surfaces["beam"], surfaces["strip"]))
+        advance()
+    return found
+
+
+def _parting(frequency_hz: Real, at_m: Real, receptances: dict[str, Complex]) -> Table:
+    apart = np.abs(receptances["strip"] / receptances["beam"] - 1)
+    columns = [Column("at_m", "after the sleeper, m", 2), Column("below_500hz", "most below 500 Hz, %", 1)]
+    columns += [Column(f"over_{share * 100:g}_percent_hz", f"first over {share * 100:g} %, Hz", 0) for share in PARTING]
+    rows: list[tuple[Cell, ...]] = []
+    for x, row in zip(at_m.tolist(), apart, strict=True):
+        most = float(row[frequency_hz < _BELOW_HZ].max()) * 100
+        rows.append((x, most, *(_first_over(frequency_hz, row, share) for share in PARTING)))
+    return Table("Where the receptances part", tuple(columns), rows)
+
+
+def _first_over(frequency_hz: Real, apart: Real, share: float) -> float | None:
+    over = np.flatnonzero(apart > share)
+    return float(frequency_hz[over[0]]) if len(over) else None
+
+
+def _force_table(forces: list[Forces]) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    for one in forces:
+        row, column = np.unravel_index(np.argmax(np.abs(one.difference)), one.difference.shape)
+        beam, strips = one.worst
+        rows.append(
+            (one.weld, float(beam.max()) / 1e3, float(strips.max()) / 1e3,
+             float(np.abs(strips / beam - 1).max()) * 100, float(np.sqrt(np.mean(one.difference**2))) * 100,
+             float(one.difference[row, column]) * 100, float(one.speeds_kmh[row]))
+        )  # fmt: skip
+    return Table(
+        "Peak forces over beam and strips",
+        (Column("weld", "weld"), Column("beam_kn", "beam, kN", 1), Column("strip_kn", "strips, kN", 1),
+         Column("worst_position_percent", "worst position, at most %", 2),
+         Column("rms_percent", "all passages, RMS %", 2),
+         Column("largest_percent", "largest, %", 2), Column("largest_at_kmh", "at km/h", 0)),
+        rows,
+    )  # fmt: skip
+
+
+def _receptance_table(frequency_hz: Real, at_m: Real, receptances: dict[str, Complex]) -> Table:
+    columns = [Column("frequency_hz", "Hz", 0)]
+    columns += [Column(f"{name}_at_{x * 100:.0f}_cm_m_per_n") for name in receptances for x in at_m]
+    magnitudes = [np.abs(row) for rows in receptances.values() for row in rows]
+    return Table("Magnitude of receptance", tuple(columns), as_columns(frequency_hz, *magnitudes))
+
+
+def _measured(
+    beam: TrackDefinition,
+    strips: TrackDefinition,
+    frequency_hz: Real,
+    receptances: dict[str, Complex],
+    forces: list[Forces],
+) -> Measured:
+    apart = np.abs(receptances["strip"] / receptances["beam"] - 1)
+    static = {
+        name: core_tracks.static_compliance(one.track, np.array(_SPANS) * one.track.spacing_m)
+        for name, one in _both(beam, strips)
+    }
+    decay = {name: core_tracks.free_decay(one.track.rail, _BENDING_HZ)[:, 0] for name, one in _both(beam, strips)}
+    bending = {
+        name: float(np.abs(rows[np.abs(rows.real) < np.abs(rows.imag)].imag).max()) for name, rows in decay.items()
+    }
+    return {
+        "rail.static_ratio": (static["strip"] / static["beam"]).tolist(),
+        "rail.most_apart_below_500hz": float(apart[:, frequency_hz < _BELOW_HZ].max()),
+        "rail.bending_wavenumber_ratio_300hz": bending["strip"] / bending["beam"],
+        **{f"rail.peak_rms.{one.weld}": float(np.sqrt(np.mean(one.difference**2))) for one in forces},
+        **{f"rail.peak_most.{one.weld}": float(np.abs(one.difference).max()) for one in forces},
+    }
