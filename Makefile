@@ -10,7 +10,7 @@ run: $(READY)
 	$(BIN)/weld-force demo
 
 test: $(READY)
-	$(BIN)/pytest
+	$(BIN)/pytest -n 2 --dist loadfile
 
 lint: $(READY)
 	$(BIN)/ruff check .

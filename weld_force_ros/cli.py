@@ -150,7 +150,8 @@ def receptance(
         raise InputError(f"--freq {freq}: a frequency is not positive", "give frequencies in Hz above 0")
     definition = tracks.load(track)
     if engine == "exact":
-        h = exact_receptance(definition.track, frequency_hz, at_m)
+        with terminal.console.status("computing receptances"):  # of a rail by strips, seconds
+            h = exact_receptance(definition.track, frequency_hz, at_m)
     elif engine in get_args(fits.FittedEngine):
         h = (
             fits.fitted(definition, cast(fits.FittedEngine, engine), on_fit=terminal.say)
