@@ -6,6 +6,7 @@ import sys
 import time
 from pathlib import Path
 
+import dask
 import duckdb
 import numpy as np
 import pandas as pd
@@ -296,3 +297,33 @@ def test_population_is_seeded(tmp_path, capsys):
     table = list(profile_table.read(tmp_path / "t.parquet", 0, 3))
     assert [weld.profile_sha256 for weld in files] == [weld.profile_sha256 for weld in table]
     assert np.all(np.diff([weld.chainage_m for weld in table]) >= 0)
+
+
+def test_a_scheduler_that_nobody_started_is_said_in_a_line(folder, tmp_path, capsys):
+    command = ["campaign", str(folder / "north.yaml"), "--out", str(tmp_path / "none")]
+    with dask.config.set({"distributed.comm.timeouts.connect": "1s"}):
+        assert cli.main([*command, "--scheduler", "tcp://127.0.0.1:9"]) == 2
+    assert "scheduler tcp://127.0.0.1:9" in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_a_lost_scheduler_is_said_and_the_same_command_goes_on(folder, results, tmp_path):
+    (folder / "fine.yaml").write_text(CAMPAIGN.replace("batch_welds: 12", "batch_welds: 1"), encoding="utf-8")
+    out, address = tmp_path / "lost", tmp_path / "scheduler.json"
+    dask_command = [sys.executable, "-m", "dask"]
+    here = ["--scheduler-file", str(address), "--host", "127.0.0.1", "--no-dashboard"]
+    quiet = {"stderr": subprocess.DEVNULL, "stdout": subprocess.DEVNULL}
+    with subprocess.Popen([*dask_command, "scheduler", "--port", "0", *here], **quiet) as scheduler:
+        wait_until(address.exists)
+        at = json.loads(address.read_text())["address"]
+        with subprocess.Popen([*dask_command, "worker", "--nthreads", "1", *here], **quiet) as worker:
+            command = [sys.executable, "-m", "weld_force_ros.cli", "campaign", "fine.yaml", "--no-page"]
+            options = ["--out", str(out), "--scheduler", at]
+            with subprocess.Popen([*command, *options], cwd=folder, stderr=subprocess.PIPE, text=True) as client:
+                wait_until(lambda: list((out / records.FOLDER).glob("*.json")) or client.poll() is not None)
+                scheduler.kill()
+                told = client.communicate(timeout=120)[1]
+            worker.kill()
+    assert client.returncode == 2, told
+    assert "scheduler was lost" in told.splitlines()[-1]
+    its_plan = computed(folder, out, file="fine.yaml")
+    assert run.complete(its_plan, out).verdicts == VERDICTS

@@ -141,6 +141,7 @@ def distribute(
 
 def _record(future: Any, out: Path, failed: list[Unfinished]) -> Record | None:
     from distributed import KilledWorker
+    from distributed.comm import CommClosedError
 
     try:
         record: Record = future.result()
@@ -148,7 +149,7 @@ def _record(future: Any, out: Path, failed: list[Unfinished]) -> Record | None:
         failed.append(Unfinished(int(future.key.rpartition("-")[2]), f"it took {_LOST_WORKERS} workers: {error}"))
     except WeldForceError:
         raise
-    except CancelledError:
+    except (CancelledError, ConnectionError, CommClosedError):
         raise InputError("the scheduler was lost", "start it and run the same command again: it goes on") from None
     except OSError as error:
         where = error.filename or out
