@@ -58,7 +58,7 @@ def test_the_gallery_is_one_page_that_loads_nothing(everything: tuple[Path, Resu
 
 def test_the_command_lists_the_studies_that_there_are():
     names = [command.name for command in cli_study.app.registered_commands]
-    assert names == [*paper.STUDIES, "all", "engines"]
+    assert names == [*paper.STUDIES, "all", "engines", "rail"]
 
 
 @pytest.mark.parametrize("study", ["all", "curve"])

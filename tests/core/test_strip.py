@@ -59,13 +59,13 @@ def by_mesh(track: Track, frequency_hz: np.ndarray, at_m: np.ndarray, refine: in
 
 
 def test_result_does_not_depend_on_the_mesh(bilbao):
-    track, frequency, at = with_strips(bilbao), np.linspace(50.0, 3000.0, 40), np.array([0.0, 0.15, 0.3])
+    track, frequency, at = with_strips(bilbao), np.linspace(50.0, 3000.0, 25), np.array([0.0, 0.15, 0.3])
     coarse, fine = (by_mesh(track, frequency, at, refine) for refine in (strip.REFINE, 2 * strip.REFINE))
     np.testing.assert_array_equal(coarse, receptance(track, frequency, at))
     assert np.abs(coarse / fine - 1).max() < 0.01
 
 
-def brute_force(track: Track, frequency_hz: np.ndarray, at_m: float, force_at_m: float, spans: int = 80) -> np.ndarray:
+def brute_force(track: Track, frequency_hz: np.ndarray, at_m: float, force_at_m: float, spans: int = 40) -> np.ndarray:
     """Response with a finite number of supports, whose reactions are solved for together."""
     omega = 2 * np.pi * frequency_hz + 0j
     free = free_rail(track).waves(omega)
@@ -89,7 +89,7 @@ def brute_force(track: Track, frequency_hz: np.ndarray, at_m: float, force_at_m:
 def test_floquet_waves_are_many_supports_solved_together(bilbao, pad_width_m):
     rail = replace(with_strips(bilbao).rail, loss_factor=0.05)  # a finite number of supports is enough then
     track = replace(with_strips(bilbao, pad_width_m), rail=rail)
-    frequency = np.array([20.0, 200.0, 500.0, 900.0, 1500.0, 2500.0, 3500.0])
+    frequency = np.array([20.0, 200.0, 900.0, 1500.0, 3500.0])
     for at_m, force_at_m in ((0.02, 0.02), (0.2, 0.2), (0.3, 0.3), (0.75, 0.1), (2.3, 0.45)):
         exact = brute_force(track, frequency, at_m, force_at_m)
         found = transfer_receptance(track, frequency, at_m, force_at_m)[0]

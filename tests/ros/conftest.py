@@ -1,6 +1,7 @@
 """Real rclpy nodes in a domain of the test's own."""
 
 import fcntl
+import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -29,7 +30,9 @@ def worker_domains() -> Iterator[Iterator[int]]:
     locks, mine = [], []
 
     def ids() -> Iterator[int]:
-        for number in range(1, 101):
+        # Processes of one run share them out, others are left alone by locks.
+        process = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+        for number in range(1 + process, 101, int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))):
             lock = (Path(tempfile.gettempdir()) / f"weld-force-test-domain-{number}.lock").open("w")
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -39,7 +42,7 @@ def worker_domains() -> Iterator[Iterator[int]]:
             locks.append(lock)
             mine.append(number)
             yield number
-        while True:  # those of tests that ended longest ago
+        while mine:  # those of tests that ended longest ago
             yield from mine
 
     yield ids()
