@@ -122,6 +122,7 @@ def study_rail(
     from weld_force_ros import terminal
     from weld_force_ros.studies import gallery, rail
 
+    gallery.made(out / "rail")  # before anything is computed
     with terminal.progress() as bar:
         found = rail.run(
             track,

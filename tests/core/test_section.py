@@ -196,3 +196,18 @@ def test_bad_section_file_is_refused_with_one_line(old, new, said):
 def test_dimensions_that_make_no_section_are_refused(change):
     with pytest.raises(InputError, match="crosses itself"):
         outline(replace(sections.load("60E1").dimensions, **change))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"crown": ((0.3, 0.5), (0.013, None))},
+        {"crown": ((0.3, 0.02), (0.08, 0.01), (0.013, None))},
+        {"crown": ((0.3, 0.01), (0.08, None), (0.013, None))},
+        {"crown": ((0.3, 0.01), (0.013, 0.036))},
+        {"fillets": (((0.003, 0.5),), *sections.load("60E1").dimensions.fillets[1:])},
+    ],
+)
+def test_arcs_that_lead_nowhere_are_refused(change):
+    with pytest.raises(InputError, match=r"crown|fillet"):
+        outline(replace(sections.load("60E1").dimensions, **change))

@@ -11,7 +11,7 @@ import pyarrow as pa  # type: ignore[import-untyped]
 from msgspec import UNSET
 
 from weld_force_ros.contract import AssessmentSettings, Criterion, ForceMap, Verdict, WeldProfile
-from weld_force_ros.core.criteria import CRITERIA, FORCE_CRITERIA, Passages, decides, in_force, passages
+from weld_force_ros.core.criteria import CRITERIA, Passages, held_values, passages
 from weld_force_ros.core.track import Real
 from weld_force_ros.core.verdict import counted_positions
 
@@ -124,7 +124,6 @@ def speed_columns(force_map: ForceMap, limits: AssessmentSettings) -> dict[str, 
 
 def _within(speeds_kmh: Real, worst: Passages, limits: AssessmentSettings) -> Any:
     within = np.ones(len(speeds_kmh), dtype=np.bool_)
-    for limit in limits.limits:
-        if decides(limit) and limit.name in FORCE_CRITERIA:
-            within &= ~in_force(limit, speeds_kmh) | (np.asarray(FORCE_CRITERIA[limit.name](worst)) <= limit.limit)
+    for limit, held, values in held_values(speeds_kmh, worst, limits.limits):
+        within &= ~held | (values <= limit.limit)
     return within

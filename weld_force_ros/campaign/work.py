@@ -72,18 +72,15 @@ def _remembered(out: Path, plan_sha256: str) -> "Assessor":
     return Assessor(plan)
 
 
+_Usable = tuple[dict[str, Any], WeldProfile]
+"""What a row says beforehand, and a weld."""
+
+
 class Read(NamedTuple):
     """A weld of a source, with what its row says beforehand."""
 
     about: dict[str, Any]
     weld: Weld
-
-
-class _Placed(NamedTuple):
-    """A usable one in a section."""
-
-    about: dict[str, Any]
-    weld: WeldProfile
 
 
 class Assessor:
@@ -109,7 +106,7 @@ class Assessor:
     def assess(self, welds: Iterable[Read]) -> list[Found | Refused]:
         """What becomes of welds that lie beside each other."""
         refused = list[Refused]()
-        placed: dict[str, list[_Placed]] = {section.name: [] for section in self.plan.sections}
+        placed: dict[str, list[_Usable]] = {section.name: [] for section in self.plan.sections}
         for about, weld in welds:
             if isinstance(weld, Unusable):
                 refused.append(Refused(about | weld._asdict()))
@@ -118,7 +115,7 @@ class Assessor:
             if section is None:
                 refused.append(_refused(about, weld, "it lies in no section of the campaign", "add a section"))
             else:
-                placed[section.name].append(_Placed(about, weld))
+                placed[section.name].append((about, weld))
         rolled = [
             outcome
             for section in self.plan.sections
@@ -127,10 +124,10 @@ class Assessor:
         ]
         return [*refused, *rolled]
 
-    def _outcomes(self, placed: list[_Placed], section: Section, vehicle: str) -> Iterator[Found | Refused]:
+    def _outcomes(self, placed: list[_Usable], section: Section, vehicle: str) -> Iterator[Found | Refused]:
         """Of welds of a section under one of its vehicles."""
         limits, simulator = self.plan.limits, self._simulators[section.vehicles[vehicle].config_sha256]
-        rolled = _force_maps(simulator, [one.weld for one in placed])
+        rolled = _force_maps(simulator, [weld for _, weld in placed])
         for (of_weld, weld), force_map in zip(placed, rolled, strict=True):
             about = of_weld | {"vehicle": vehicle}
             if isinstance(force_map, NumericalError):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weld_force_ros.contract import HollowBand, Limit, Restriction, SpeedBand
-from weld_force_ros.core.criteria import FORCE_CRITERIA, Passages, decides, in_force
+from weld_force_ros.core.criteria import Passages, held_values
 from weld_force_ros.core.curves import curve_features
 from weld_force_ros.core.track import Real
 
@@ -60,11 +60,7 @@ def _within(speeds_kmh: Real, worst: Passages, limits: Sequence[Limit]) -> tuple
     """Whether all speeds up to each are within the limits of a line of that speed, and whether each itself is not."""
     upto_within = np.ones(len(speeds_kmh), dtype=bool)
     beyond = np.zeros(len(speeds_kmh), dtype=bool)
-    for limit in limits:
-        values = FORCE_CRITERIA[limit.name](worst) if decides(limit) and limit.name in FORCE_CRITERIA else None
-        if values is None:
-            continue
-        held = in_force(limit, speeds_kmh)
+    for limit, held, values in held_values(speeds_kmh, worst, limits):
         upto_within &= ~held | (np.maximum.accumulate(values) <= limit.limit)
         beyond |= held & (values > limit.limit)
     return upto_within, beyond

@@ -1,6 +1,6 @@
 """Criteria that a weld is held against: what is computed of it as numbers that are the worse the larger they are."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -129,6 +129,16 @@ def in_force(limit: Limit, lines_kmh: Real) -> NDArray[np.bool_]:
 def decides(limit: Limit) -> bool:
     """Whether a decision hangs on a limit."""
     return limit.decides is not False
+
+
+def held_values(
+    speeds_kmh: Real, at: Passages, limits: Sequence[Limit]
+) -> Iterator[tuple[Limit, NDArray[np.bool_], Real]]:
+    """Deciding limits of force, whether each holds on lines of some speeds, and its criterion's values there."""
+    for limit in limits:
+        values = FORCE_CRITERIA[limit.name](at) if decides(limit) and limit.name in FORCE_CRITERIA else None
+        if values is not None:
+            yield limit, in_force(limit, speeds_kmh), values
 
 
 def check(limits: Sequence[Limit]) -> None:

@@ -116,6 +116,16 @@ class _Line:
 
 
 def _crown(d: Dimensions, side: float, wear_m: float) -> Real:
+    reaches = [0.0]
+    for radius_m, half_width_m in d.crown[:-1]:
+        reaches.append(np.nan if half_width_m is None else half_width_m)
+        if not 0 < reaches[-1] - reaches[-2] < radius_m:
+            raise InputError(
+                "a section's crown has an arc that ends before it begins, or nowhere",
+                "give half widths that grow, by less than the arcs' radii, and none for the last arc",
+            )
+    if d.crown[-1][1] is not None:
+        raise InputError("the last arc of a section's crown ends at the head's side", "leave out its half width")
     heading, y, arcs = 0.0, 0.0, []
     for radius_m, half_width_m in d.crown:
         end = side if half_width_m is None else -np.arcsin(np.sin(-heading) + (half_width_m - y) / radius_m)
@@ -132,8 +142,10 @@ def _fillet(before: _Line, after: _Line, arcs: Sequence[tuple[float, float | Non
     turn = after.heading_rad - before.heading_rad
     sign, given = np.sign(turn), sum(own for _, own in arcs if own is not None)
     turns = [(radius_m, sign * (abs(turn) - given if own is None else own)) for radius_m, own in arcs]
-    if any(sign * own <= 0 for _, own in turns):
-        raise InputError("arcs of a section's fillet turn by more than it does", "give smaller turns")
+    if sum(own is None for _, own in arcs) != 1 or any(sign * own <= 0 for _, own in turns):
+        raise InputError(
+            "arcs of a section's fillet turn by more or less than it does", "give smaller turns, and none for one arc"
+        )
     chain = _arcs(np.zeros(2), before.heading_rad, turns)
     end = before.through + chain[-1] - after.through
     along = -_cross(end, after.direction) / _cross(before.direction, after.direction)

@@ -124,7 +124,7 @@ class Rig:
             waiting: deque[Future[list[Surface]]] = deque()
             for some in _some_at_a_time(trajectories, self._threads):
                 waiting.append(pool.submit(roll, some, speeds, positions, 1))
-                if len(waiting) > self._threads or self._threads == 1:
+                if len(waiting) > self._threads:
                     yield from waiting.popleft().result()
             for rolled in waiting:
                 yield from rolled.result()

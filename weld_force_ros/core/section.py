@@ -34,7 +34,7 @@ _EDGE = 1e-9
 
 @dataclass(frozen=True)
 class Matrices:
-    """A section's wave stiffness and mass, sparse, without density; see the module's text.
+    """A section's wave stiffness and mass without density, sparse, or dense in a basis; see the module's text.
 
     `mass` (n_u, n_u) is that of U, `mass_t` that of t.
     """
@@ -57,13 +57,9 @@ class Mesh:
     """
 
     def __init__(self, mesh: MeshQuad2, *, half: bool) -> None:
-        self.mesh, self.half = mesh, half
+        self.mesh, self.half, self._times = mesh, half, 2.0 if half else 1.0
         self._basis = Basis(mesh, ElementQuad2(), intorder=_QUADRATURE)
         self.nodes: Real = self._basis.doflocs
-
-    @cached_property
-    def _times(self) -> float:
-        return 2.0 if self.half else 1.0
 
     def _integrated(self, form: Callable[..., Any]) -> Any:
         return self._times * BilinearForm(form).assemble(self._basis)
@@ -123,7 +119,7 @@ class Mesh:
         """Of the displacements across and upwards, those that symmetry leaves free."""
         across = np.ones(self.nodes.shape[1], dtype=bool)
         if self.half:
-            across = self.nodes[0] > 1e-9
+            across = self.nodes[0] > _EDGE
         return np.flatnonzero(np.concatenate([across, np.ones_like(across)]))
 
     def displacement(self, t: Real) -> Real:

@@ -13,17 +13,18 @@ supported Timoshenko beam", J. Sound Vib. 252 (2002)).
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from weld_force_ros.core import strip
 from weld_force_ros.core.arrays import Complex as Complex
 from weld_force_ros.core.arrays import Real as Real
 from weld_force_ros.core.outline import Dimensions
-from weld_force_ros.core.strip import Steel
-from weld_force_ros.core.supported import SupportedWaves, WavesAlong
+
+# Strips are imported where they are used: scikit-fem and what it needs would double the time until a command starts.
+if TYPE_CHECKING:
+    from weld_force_ros.core.strip import FreeRail, Steel
 
 # Low enough for inertia to vanish (some 1e-6 of the stiffness), high enough for the waves to stay distinct numbers.
 _STATIC_HZ = 0.1
@@ -58,10 +59,19 @@ class StripRail(Rail):
     wear_m: float = 0.0
 
     @property
-    def steel(self) -> Steel:
+    def steel(self) -> "Steel":
         """What it is made of."""
+        from weld_force_ros.core.strip import Steel
+
         density = self.mass_kg_per_m / self.area_m2
         return Steel(self.youngs_modulus_pa, self.shear_modulus_pa, density, self.loss_factor)
+
+    @property
+    def free(self) -> "FreeRail":
+        """It without supports; the first of its kind takes seconds."""
+        from weld_force_ros.core import strip
+
+        return strip.rail(self.section, self.wear_m, self.steel)
 
 
 @dataclass(frozen=True)
@@ -197,7 +207,7 @@ def free_decay(rail: Rail, frequency_hz: ArrayLike) -> Complex:
     """Decay constants of a free rail's waves in 1/m, (n_wave, n_frequency); imaginary of one that just travels."""
     omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
     if isinstance(rail, StripRail):
-        return strip.rail(rail.section, rail.wear_m, rail.steel).moving(omega, loss_factor=rail.loss_factor).decay
+        return rail.free.moving(omega, loss_factor=rail.loss_factor).decay
     return np.asarray(_RailWaves(rail, omega, 1.0).decay)
 
 
@@ -236,7 +246,9 @@ def _strip_waves(track: Track, rail: StripRail, omega: Real | Complex) -> Waves:
 
 @lru_cache(_MOST_REMEMBERED)
 def _remembered_strip_waves(track: Track, rail: StripRail, frequencies: bytes) -> Waves:
-    free, omega = strip.rail(rail.section, rail.wear_m, rail.steel), np.frombuffer(frequencies, dtype=np.complex128)
+    from weld_force_ros.core.supported import SupportedWaves, WavesAlong
+
+    free, omega = rail.free, np.frombuffer(frequencies, dtype=np.complex128)
     if track.continuous:
         return WavesAlong(free.waves(omega, track.support_stiffness(omega) / track.spacing_m), track.spacing_m)
     pad, below = track.pad.dynamic_stiffness(omega), track.stiffness_below_pad(omega)

@@ -1,7 +1,7 @@
 """Study `rail`: a beam and finite strips under the same track and the same welds: where a beam stops being enough."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -10,11 +10,11 @@ from weld_force_ros.core import strip
 from weld_force_ros.core import track as core_tracks
 from weld_force_ros.core.outline import Dimensions
 from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.surface import Surface
 from weld_force_ros.core.track import Complex, Rail, Real, StripRail
 from weld_force_ros.core.weld import wheel_trajectory
 from weld_force_ros.studies import rail_figures
 from weld_force_ros.studies.laboratory import DIP_48, WELDS, Investigation, Measured, as_columns
+from weld_force_ros.studies.rail_figures import Forces
 from weld_force_ros.studies.tables import Cell, Column, Table
 from weld_force_ros.tracks import TrackDefinition
 
@@ -25,26 +25,6 @@ _SPANS = (0.0, 0.25, 0.5)
 _STEP_HZ = 10.0
 _BELOW_HZ = 500.0
 _BENDING_HZ = 300.0
-
-
-@dataclass(frozen=True)
-class Forces:
-    """Peak forces over a weld on either rail, (n_speed, n_position)."""
-
-    weld: str
-    speeds_kmh: Real
-    beam: Surface
-    strip: Surface
-
-    @property
-    def difference(self) -> Real:
-        """Of the strip's peak force from the beam's, relative."""
-        return np.asarray(self.strip.peak_force_n / self.beam.peak_force_n - 1)
-
-    @property
-    def worst(self) -> tuple[Real, Real]:
-        """The worst position's force at each speed, beam and strip."""
-        return self.beam.peak_force_n.max(axis=1), self.strip.peak_force_n.max(axis=1)
 
 
 def with_strips(definition: TrackDefinition, section: Dimensions) -> TrackDefinition:
@@ -104,7 +84,7 @@ def run(
         rail_figures.dispersion(frequency_hz, waves),
         rail_figures.receptances(frequency_hz, at_m, receptances),
         rail_figures.differences(frequency_hz, at_m, receptances),
-        rail_figures.peak_forces([rail_figures.Curves(one.weld, one.speeds_kmh, *one.worst) for one in forces]),
+        rail_figures.peak_forces(forces),
         rail_figures.wave_shapes(shapes),
     ]
     found = {

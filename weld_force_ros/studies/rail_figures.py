@@ -8,6 +8,7 @@ import numpy as np
 
 from weld_force_ros.core.section import Mesh
 from weld_force_ros.core.strip import WaveShape
+from weld_force_ros.core.surface import Surface
 from weld_force_ros.core.track import Complex, Real
 from weld_force_ros.report import BLUE, GREY, RED, new_figure
 from weld_force_ros.studies.laboratory import Picture
@@ -31,13 +32,23 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Curves:
-    """The worst position's peak force over a weld at each speed (n_speed,), in N, on a beam and on strips."""
+class Forces:
+    """Peak forces over a weld on either rail, (n_speed, n_position)."""
 
     weld: str
     speeds_kmh: Real
-    beam_n: Real
-    strip_n: Real
+    beam: Surface
+    strip: Surface
+
+    @property
+    def difference(self) -> Real:
+        """Of the strip's peak force from the beam's, relative."""
+        return np.asarray(self.strip.peak_force_n / self.beam.peak_force_n - 1)
+
+    @property
+    def worst(self) -> tuple[Real, Real]:
+        """The worst position's force at each speed, beam and strip."""
+        return self.beam.peak_force_n.max(axis=1), self.strip.peak_force_n.max(axis=1)
 
 
 def dispersion(frequency_hz: Real, waves: dict[str, Real]) -> Picture:
@@ -91,13 +102,13 @@ def differences(frequency_hz: Real, at_m: Real, found: dict[str, Complex]) -> Pi
     return Picture("rail-differences", "Where beam and strips part", "Dotted: five per cent.", figure)
 
 
-def peak_forces(forces: Sequence[Curves]) -> Picture:
+def peak_forces(forces: Sequence[Forces]) -> Picture:
     """Force against speed, the worst position at each, over every weld."""
     rows = -(-len(forces) // 2)
     figure = new_figure(7.0, 2.2 * rows + 0.6)
     panels = figure.subplots(rows, 2, sharex=True).ravel()
     for axes, one in zip(panels, forces, strict=False):
-        for name, force in zip(_STYLES, (one.beam_n, one.strip_n), strict=True):
+        for name, force in zip(_STYLES, one.worst, strict=True):
             label, colour, style = _STYLES[name]
             axes.plot(one.speeds_kmh, force / 1e3, style, color=colour, label=label)
         axes.set_title(one.weld, fontsize="small")
