@@ -1,6 +1,7 @@
 """Passages side by side are the same passages one after the other."""
 
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -16,6 +17,7 @@ from weld_force_ros.core.passage import Rig
 from weld_force_ros.core.shapes import cosine_dip
 from weld_force_ros.core.surface import Surface
 from weld_force_ros.core.weld import Trajectory, wheel_trajectory
+from weld_force_ros.errors import NumericalError
 
 
 def rig(name: str) -> Rig:
@@ -62,7 +64,13 @@ def test_lanes_equal_the_scalar_kernel(
     shape, track = cosine(length_m, depth_um * 1e-6), altered(rig(name), softness, pitch, spacing_m)
     with monkeypatch.context() as one_by_one:
         one_by_one.setattr(batch, "SIDE_BY_SIDE", False)
-        scalar = Rig(track.model, track.wheel).surface(shape, speeds, positions)
+        try:
+            scalar = Rig(track.model, track.wheel).surface(shape, speeds, positions)
+        except NumericalError as refused:  # an altered fit on which no force settles: both say so
+            one_by_one.undo()
+            with pytest.raises(NumericalError, match=re.escape(str(refused))):
+                Rig(track.model, track.wheel).surface(shape, speeds, positions)
+            return
     side_by_side = Rig(track.model, track.wheel).surface(shape, speeds, positions)
     for fast, plain in zip(columns(side_by_side)[::2], columns(scalar)[::2], strict=True):
         np.testing.assert_allclose(fast, plain, rtol=1e-9)
