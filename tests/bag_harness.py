@@ -5,7 +5,7 @@ from pathlib import Path
 from rosbags.highlevel import AnyReader
 
 from weld_force_ros import bag as bags
-from weld_force_ros import contract
+from weld_force_ros.messages import Rejection, WeldProfile, encode, profile_sha256
 
 EPOCH_NS = 1_700_000_000_000_000_000
 
@@ -42,13 +42,13 @@ def numbered(count: int, topic: str = "/notes") -> list[tuple[str, str, int]]:
 
 
 def rejection(reason: str, sequence: int = 0) -> str:
-    message = contract.Rejection(source="weld.csv", reason=reason, remedy="measure again", sequence=sequence)
-    return contract.encode(message).decode()
+    message = Rejection(source="weld.csv", reason=reason, remedy="measure again", sequence=sequence)
+    return encode(message).decode()
 
 
 def profile() -> str:
     x_m = [0.005 * i for i in range(-50, 51)]
     z_m = [1e-4 * (1 - abs(x) / 0.25) for x in x_m]
-    sha256 = contract.profile_sha256(x_m, z_m)
-    message = contract.WeldProfile(weld_id="KM12", source="weld.csv", x_m=x_m, z_m=z_m, profile_sha256=sha256)
-    return contract.encode(message).decode()
+    sha256 = profile_sha256(x_m, z_m)
+    message = WeldProfile(weld_id="KM12", source="weld.csv", x_m=x_m, z_m=z_m, profile_sha256=sha256)
+    return encode(message).decode()

@@ -11,7 +11,10 @@ from itertools import islice
 from msgspec.structs import replace
 
 from weld_force_ros import assess
-from weld_force_ros.contract import (
+from weld_force_ros.core.population import population
+from weld_force_ros.core.shapes import REFERENCE_SHAPES
+from weld_force_ros.grinding import Adviser
+from weld_force_ros.messages import (
     AssessmentSettings,
     GrindingAdvice,
     Limit,
@@ -19,9 +22,6 @@ from weld_force_ros.contract import (
     limits_sha256,
     profile_sha256,
 )
-from weld_force_ros.core.population import population
-from weld_force_ros.core.shapes import REFERENCE_SHAPES
-from weld_force_ros.grinding import Adviser
 from weld_force_ros.profiles import find, read_profile
 
 TRACKS = ("johansson-nielsen", "bilbao-viscous", "bilbao")

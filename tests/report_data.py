@@ -3,10 +3,10 @@
 from functools import cache
 
 from msgspec.structs import replace
+from weld_force_ros.contract import UNSET
 
 from weld_force_ros.assess import SOFTWARE, Simulator, assess, load_limits, load_uncertainty, simulation_settings
-from weld_force_ros.contract import (
-    UNSET,
+from weld_force_ros.messages import (
     ForceMap,
     GrindingAdvice,
     PositionOutcome,

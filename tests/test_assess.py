@@ -19,7 +19,10 @@ from weld_force_ros.assess import (
     parse_speeds,
     simulation_settings,
 )
-from weld_force_ros.contract import (
+from weld_force_ros.core.criteria import CRITERIA
+from weld_force_ros.core.shapes import cosine_dip
+from weld_force_ros.errors import InputError
+from weld_force_ros.messages import (
     ForceHistory,
     ForceMap,
     SimulationSettings,
@@ -31,9 +34,6 @@ from weld_force_ros.contract import (
     encode,
     profile_sha256,
 )
-from weld_force_ros.core.criteria import CRITERIA
-from weld_force_ros.core.shapes import cosine_dip
-from weld_force_ros.errors import InputError
 from weld_force_ros.tracks import load
 
 SPEEDS, POSITIONS = [40.0, 90.0, 140.0], [0.0, 0.2, 0.4]

@@ -12,9 +12,20 @@ from mcap.reader import make_reader
 from soak.second_reader import check_bag, check_export
 
 from weld_force_ros import bag as bags
-from weld_force_ros import cli, contract
+from weld_force_ros import cli
 from weld_force_ros.bag import tables
 from weld_force_ros.errors import BagError, InputError
+from weld_force_ros.messages import (
+    ForceMap,
+    Message,
+    Rejection,
+    Verdict,
+    WeldProfile,
+    decode,
+    encode,
+    identity,
+    measurement_id,
+)
 
 DEMO = Path(__file__).parent.parent / "bags" / "demo"
 
@@ -30,11 +41,11 @@ def test_broken_message_stands_in_its_place_among_the_others(tmp_path):
         ],
     )
     first, broken, last = bags.contract_messages(bags.open_bag(directory))
-    assert isinstance(first.message, contract.WeldProfile)
+    assert isinstance(first.message, WeldProfile)
     assert (first.topic, first.log_time_ns) == ("/line_2/weld_profile", EPOCH_NS)
     assert isinstance(broken.message, BagError)
     assert f"/line_2/rejection at log time {EPOCH_NS + 1} ns: Rejection: " in str(broken.message)
-    assert isinstance(last.message, contract.Rejection)
+    assert isinstance(last.message, Rejection)
     assert (last.message.reason, last.message.sequence) == ("too short", 4)
 
 
@@ -81,7 +92,7 @@ def exported(tmp_path_factory) -> Path:
     return folder
 
 
-def demo_messages(kind: type[contract.Message]) -> list:
+def demo_messages(kind: type[Message]) -> list:
     return [m for _, m, _ in bags.contract_messages(bags.open_bag(DEMO)) if isinstance(m, kind)]
 
 
@@ -99,22 +110,22 @@ def test_tables_hold_what_was_recorded(exported):
         (r["profile_id"], float(r["speed_kmh"]), float(r["position_m"])): float(r["peak_force_n"]) for r in maps
     }
     expected = {
-        (contract.identity(m), speed, position): m.peak_force_n[i * len(m.positions_m) + k]
-        for m in demo_messages(contract.ForceMap)
+        (identity(m), speed, position): m.peak_force_n[i * len(m.positions_m) + k]
+        for m in demo_messages(ForceMap)
         for i, speed in enumerate(m.speeds_kmh)
         for k, position in enumerate(m.positions_m)
     }
     assert by_place == expected  # to the last digit
     assert len(maps) == len(expected)
-    for found, message in zip(profiles, demo_messages(contract.WeldProfile), strict=True):
+    for found, message in zip(profiles, demo_messages(WeldProfile), strict=True):
         heights_m = [float(r["z_m"]) for r in samples if r["profile_id"] == found["profile_id"]]
         assert (found["weld_id"], int(found["sample_count"]), heights_m) == (
             message.weld_id, len(message.z_m), message.z_m,
         )  # fmt: skip
     assert [(v["weld_id"], v["decision"]) for v in verdicts] == [
-        (v.weld_id, v.decision) for v in demo_messages(contract.Verdict)
+        (v.weld_id, v.decision) for v in demo_messages(Verdict)
     ]
-    assert len(csv_rows(exported / "criteria.csv")) == sum(len(v.criteria) for v in demo_messages(contract.Verdict))
+    assert len(csv_rows(exported / "criteria.csv")) == sum(len(v.criteria) for v in demo_messages(Verdict))
 
 
 @pytest.mark.parametrize("table", [table.name for table in tables.TABLES])
@@ -165,22 +176,22 @@ def test_tables_need_a_new_folder_a_known_format_and_something_to_tell(tmp_path,
 
 
 def test_outcomes_are_counted_by_measurement(tmp_path):
-    verdict = demo_messages(contract.Verdict)[0]
-    ids = [contract.measurement_id(f"{i}.csv", "0" * 64) for i in range(4)]
+    verdict = demo_messages(Verdict)[0]
+    ids = [measurement_id(f"{i}.csv", "0" * 64) for i in range(4)]
 
     def measured(i: int) -> str:
-        return contract.encode(changed(profile(), profile_id=ids[i])).decode()
+        return encode(changed(profile(), profile_id=ids[i])).decode()
 
     def judged(i: int) -> str:
-        return contract.encode(msgspec.structs.replace(verdict, profile_id=ids[i])).decode()
+        return encode(msgspec.structs.replace(verdict, profile_id=ids[i])).decode()
 
-    refused = contract.Rejection(source="2.csv", reason="r", remedy="m", profile_id=ids[2])
+    refused = Rejection(source="2.csv", reason="r", remedy="m", profile_id=ids[2])
     sent = [
         *[("/weld_profile", measured(i), 2 * i) for i in (0, 0, 1, 2, 3)],
         ("/verdict", judged(0), 10),
         ("/verdict", judged(1), 11),
         ("/verdict", judged(1), 12),
-        ("/rejection", contract.encode(refused).decode(), 13),
+        ("/rejection", encode(refused).decode(), 13),
         ("/rejection", rejection("no profile at all"), 14),
         ("/rejection", "{", 15),
     ]
@@ -189,8 +200,8 @@ def test_outcomes_are_counted_by_measurement(tmp_path):
     assert bags.outcomes(bags.open_bag(record(tmp_path / "other", numbered(2)))) is None
 
 
-def changed(text: str, **fields: str) -> contract.WeldProfile:
-    return msgspec.structs.replace(contract.decode(contract.WeldProfile, text), **fields)
+def changed(text: str, **fields: str) -> WeldProfile:
+    return msgspec.structs.replace(decode(WeldProfile, text), **fields)
 
 
 # Commands
@@ -230,7 +241,7 @@ def test_info_shows_files_state_and_outcomes(tmp_path, capfd):
         ("bag_0.mcap", None),
         ("bag_1.mcap", "bag_1.mcap was not closed"),
     ]
-    assert found["outcomes"]["verdicts"] == len(demo_messages(contract.Verdict))
+    assert found["outcomes"]["verdicts"] == len(demo_messages(Verdict))
     assert found["outcomes"]["open"] == 0
     assert "bag_1.mcap was not closed" in said
     assert f"{found['outcomes']['verdicts']} verdicts" in said

@@ -10,10 +10,10 @@ import pytest
 from bag_harness import profile, record, rejection
 
 from weld_force_ros import bag as bags
-from weld_force_ros import contract
 from weld_force_ros.bag.layout import layout
 from weld_force_ros.cli import main
 from weld_force_ros.core.criteria import CRITERIA
+from weld_force_ros.messages import TOPICS, json_schema
 
 TITLES = {"lichtblickPanelTitle", "foxglovePanelTitle"}
 
@@ -56,8 +56,8 @@ def schema_of(path: str) -> dict[str, Any]:
     """The schema of what a message path leads to; fails where it leads nowhere."""
     whole = PATH.fullmatch(path)
     assert whole, path
-    kinds = {f"/{topic.name}": kind for kind, topic in contract.TOPICS.items()}
-    found = contract.json_schema(kinds[whole["topic"]])
+    kinds = {f"/{topic.name}": kind for kind, topic in TOPICS.items()}
+    found = json_schema(kinds[whole["topic"]])
     for field in FIELD.finditer(whole["fields"]):
         found = found["properties"][field["name"]]
         if field["slice"]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from weld_force_ros.cli import main
-from weld_force_ros.contract import SCHEMAS, ForceMap, Verdict, decode, json_schema
+from weld_force_ros.messages import SCHEMAS, ForceMap, Verdict, decode, json_schema
 from weld_force_ros.profiles import shipped
 
 QUICK = ["--speeds", "60,120", "--positions", "0.1,0.4"]

@@ -11,8 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from msgspec import UNSET
 
-from weld_force_ros import contract
-from weld_force_ros.contract import (
+from weld_force_ros.errors import MessageError
+from weld_force_ros.messages import (
+    MAX_MESSAGE_BYTES,
     SCHEMAS,
     TOPICS,
     AssessmentSettings,
@@ -49,7 +50,6 @@ from weld_force_ros.contract import (
     profile_problem,
     profile_sha256,
 )
-from weld_force_ros.errors import MessageError
 
 KINDS = list(SCHEMAS)
 each_kind = pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
@@ -452,7 +452,7 @@ def test_reject_limit_below_limit_is_refused():
         b'{"schema_version": "1.0", "source": "\xed\xa0\x80", "reason": "r", "remedy": "m"}',
         '{"schema_version": "1.0", "new": ' + "[" * 200_000,
         '{"schema_version": "1.0", "new": ' + "[" * 200_000 + "]" * 200_000 + "}",
-        b" " * (contract.MAX_MESSAGE_BYTES + 1),
+        b" " * (MAX_MESSAGE_BYTES + 1),
     ],
     ids=lambda data: repr(data[:25]),
 )  # fmt: skip

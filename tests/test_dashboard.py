@@ -12,17 +12,25 @@ import pytest
 from msgspec.structs import replace
 from test_show import force_map
 
-from weld_force_ros import contract
 from weld_force_ros.assess import judge, load_limits
 from weld_force_ros.dashboard import Board, Server
 from weld_force_ros.errors import InputError
+from weld_force_ros.messages import (
+    ForceHistory,
+    Message,
+    Rejection,
+    SimulationSettings,
+    WeldProfile,
+    config_sha256,
+    profile_sha256,
+)
 
 PAGE = "<!doctype html><title>page</title>"
 LIMITS = load_limits()
 
 
-def settings() -> contract.SimulationSettings:
-    found = contract.SimulationSettings(
+def settings() -> SimulationSettings:
+    found = SimulationSettings(
         config_sha256="",
         track="bilbao",
         track_definition="x",
@@ -34,18 +42,18 @@ def settings() -> contract.SimulationSettings:
         wheel_radius_m=0.46,
         hertz_n_per_m15=9e10,
     )
-    return replace(found, config_sha256=contract.config_sha256(found))
+    return replace(found, config_sha256=config_sha256(found))
 
 
-def parts(weld_id: str) -> list[contract.Message]:
+def parts(weld_id: str) -> list[Message]:
     """Profile, map, history and verdict of a weld."""
     x = [0.005 * i for i in range(-30, 31)]
     z = [-1e-4 * (1 - abs(i) / 30) for i in range(-30, 31)]
-    sha256, config = contract.profile_sha256(x, z), settings().config_sha256
-    profile = contract.WeldProfile(weld_id=weld_id, source=f"{weld_id}.csv", x_m=x, z_m=z, profile_sha256=sha256)
+    sha256, config = profile_sha256(x, z), settings().config_sha256
+    profile = WeldProfile(weld_id=weld_id, source=f"{weld_id}.csv", x_m=x, z_m=z, profile_sha256=sha256)
     found = replace(force_map(weld_id), profile_sha256=sha256, config_sha256=config)
     column = [0.0, 1.0]
-    history = contract.ForceHistory(
+    history = ForceHistory(
         weld_id=weld_id, profile_sha256=sha256, config_sha256=config, speed_kmh=40.0, position_m=0.3,
         x_m=column, force_n=column, wheel_m=column, rail_m=column, irregularity_m=column,
     )  # fmt: skip
@@ -86,7 +94,7 @@ def test_a_row_is_there_before_its_map(tmp_path):
 
 def test_rejections_are_rows(tmp_path):
     board = Board(tmp_path)
-    board.take(contract.Rejection(source="a.csv", reason="no units", remedy="state them"))
+    board.take(Rejection(source="a.csv", reason="no units", remedy="state them"))
     assert rows(board)[0]["decision"] == "unusable"
     assert content(board, 1)["rejection"]["reason"] == "no units"
 

@@ -8,7 +8,10 @@ import pytest
 
 from weld_force_ros import assess
 from weld_force_ros.cli import main
-from weld_force_ros.contract import (
+from weld_force_ros.core.shapes import cosine_dip
+from weld_force_ros.core.weld import wheel_trajectory
+from weld_force_ros.grinding import Adviser
+from weld_force_ros.messages import (
     AssessmentSettings,
     GrindingAdvice,
     Limit,
@@ -18,9 +21,6 @@ from weld_force_ros.contract import (
     limits_sha256,
     profile_sha256,
 )
-from weld_force_ros.core.shapes import cosine_dip
-from weld_force_ros.core.weld import wheel_trajectory
-from weld_force_ros.grinding import Adviser
 from weld_force_ros.profiles import find, read_profile
 
 SPEEDS = [60.0, 80.0, 100.0, 120.0, 140.0]

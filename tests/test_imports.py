@@ -27,7 +27,7 @@ assert not {"numba", "numpy"} & sys.modules.keys(), "the root imports the scienc
 import json
 import numpy as np
 from weld_force_ros import assess
-from weld_force_ros.contract import WeldProfile, encode, profile_sha256
+from weld_force_ros.messages import WeldProfile, encode, profile_sha256
 x = (np.arange(-50, 51) * 1e-3).tolist()
 z = (-1e-4 * np.exp(-((np.array(x) / 0.02) ** 2))).tolist()
 weld = WeldProfile(weld_id="w", source="s", x_m=x, z_m=z, profile_sha256=profile_sha256(x, z))

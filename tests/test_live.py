@@ -14,12 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from weld_force_ros import live as live_module
-from weld_force_ros.contract import RailSurface, WeldMarker, WeldProfile
 from weld_force_ros.core.detection import APART_M
 from weld_force_ros.core.shapes import cosine_dip
 from weld_force_ros.core.stream import KEPT_M
 from weld_force_ros.errors import InputError
 from weld_force_ros.live import GIVEN_UP_M, MOST_WAITING, LiveRail
+from weld_force_ros.messages import RailSurface, WeldMarker, WeldProfile
 from weld_force_ros.profiles import read_profile
 from weld_force_ros.trolley import Batch, Handling, SyntheticRail, run
 

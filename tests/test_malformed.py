@@ -13,8 +13,9 @@ from soak import malformed
 from soak.malformed import DefectError, Kind, Reading, Report, check_profile, check_refusal
 from soak.mutations import ANYWHERE, JSON, LINES, MEASUREMENTS, RECORDING, YAML
 
-from weld_force_ros import contract, profiles, tracks
+from weld_force_ros import profiles, tracks
 from weld_force_ros.errors import InputError
+from weld_force_ros.messages import TOPICS, RailSurface, WeldProfile, decode, profile_sha256
 from weld_force_ros.ros.accounts import header_of
 
 COUNT, SEED = 2_000, 1
@@ -92,11 +93,11 @@ GOOD_Z = [0.001 * math.sin(x) for x in GOOD_X]
     ],
 )
 def test_the_oracle_knows_an_invalid_profile(x_m, z_m, rule):
-    good = contract.profile_sha256(GOOD_X, GOOD_Z)
+    good = profile_sha256(GOOD_X, GOOD_Z)
     check_profile(GOOD_X, GOOD_Z, good)
     with pytest.raises(DefectError, match="hash"):
         check_profile(GOOD_X, GOOD_Z, good[::-1])
-    digest = contract.profile_sha256(x_m, z_m) if rule != "finite" else good
+    digest = profile_sha256(x_m, z_m) if rule != "finite" else good
     with pytest.raises(DefectError, match=rule):
         check_profile(x_m, z_m, digest)
 
@@ -134,7 +135,7 @@ _JSON_VALUES = st.recursive(
 )
 
 
-@given(st.sampled_from(list(contract.TOPICS)), st.data())
+@given(st.sampled_from(list(TOPICS)), st.data())
 @settings(max_examples=200, deadline=None)
 def test_messages_with_any_value_in_any_field_are_refused_or_valid(kind, data):
     fields = {name: data.draw(_JSON_VALUES) for name in data.draw(st.sets(st.sampled_from(kind.__struct_fields__)))}
@@ -148,7 +149,7 @@ def test_messages_with_any_value_in_any_field_are_refused_or_valid(kind, data):
 def test_any_bytes_are_refused(data):
     header_of(data.decode("utf-8", "replace"))
     for read in (
-        lambda: contract.decode(contract.WeldProfile, data),
+        lambda: decode(WeldProfile, data),
         lambda: profiles.parse_profile(data, "measured.csv"),
         lambda: tracks.parse(data.decode("utf-8", "replace"), "track.yaml"),
     ):
@@ -193,13 +194,13 @@ def test_a_number_out_of_the_range_of_floats_is_refused(row):
 def test_an_identity_with_a_line_break_after_it_is_none(field):
     seed = json.loads(malformed.KINDS["WeldProfile"].seeds()[0])
     with pytest.raises(InputError, match=field):
-        contract.decode(contract.WeldProfile, json.dumps(seed | {field: seed[field] + "\n"}))
+        decode(WeldProfile, json.dumps(seed | {field: seed[field] + "\n"}))
 
 
 @pytest.mark.parametrize("field", ["schema_version", "chainage_unit"])
 def test_a_refusal_does_not_repeat_a_long_value(field):
     seed = json.loads(malformed.KINDS["RailSurface"].seeds()[0])
     with pytest.raises(InputError) as refusal:
-        contract.decode(contract.RailSurface, json.dumps(seed | {field: "x\x1b\n" * 20_000}))
+        decode(RailSurface, json.dumps(seed | {field: "x\x1b\n" * 20_000}))
     check_refusal(refusal.value)
     assert len(str(refusal.value)) < 500

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from weld_force_ros.assess import Simulator, load_limits, simulation_settings
-from weld_force_ros.contract import ForceMap, Rules, WeldProfile, profile_sha256
 from weld_force_ros.core import verdict
 from weld_force_ros.core.population import population
 from weld_force_ros.core.shapes import cosine_dip
 from weld_force_ros.core.weld import wheel_trajectory
+from weld_force_ros.messages import ForceMap, Rules, WeldProfile, profile_sha256
 from weld_force_ros.profiles import find, read_profile, shipped
 
 SCALES = (0.5, 1.0, 1.5, 2.5, 4.0)

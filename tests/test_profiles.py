@@ -15,9 +15,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from weld_force_ros.contract import WeldProfile, encode, profile_sha256
 from weld_force_ros.core.shapes import REFERENCE_SHAPES, cosine_dip, ramp
 from weld_force_ros.errors import ProfileError
+from weld_force_ros.messages import WeldProfile, encode, profile_sha256
 from weld_force_ros.profiles import PlainForm, find, parse_profile, read_profile, shipped, write_profile
 
 WHEEL_RADIUS_M = 0.45

@@ -8,8 +8,8 @@ import pytest
 from weld_force_ros import replay
 from weld_force_ros.assess import Simulator, assess, load_limits, simulation_settings
 from weld_force_ros.bag import STRING, Recorder, string_cdr
-from weld_force_ros.contract import TOPICS, Message, encode
 from weld_force_ros.errors import BagError
+from weld_force_ros.messages import TOPICS, Message, encode
 from weld_force_ros.profiles import find, read_profile
 
 

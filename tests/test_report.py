@@ -14,8 +14,8 @@ from report_data import HOSTILE, ancient, entries, ground, hostile, undecided, u
 from weld_force_ros import replay
 from weld_force_ros.assess import Simulator, assess, load_limits, simulation_settings
 from weld_force_ros.cli import main
-from weld_force_ros.contract import encode
 from weld_force_ros.errors import InputError
+from weld_force_ros.messages import encode
 from weld_force_ros.profiles import find, read_profile
 from weld_force_ros.report_page import Entry, Weld, detail, page, printing, row, welds
 

@@ -13,19 +13,19 @@ from bag_harness import record, rejection
 from msgspec import UNSET
 from msgspec.structs import replace
 
-from weld_force_ros import contract
 from weld_force_ros.assess import judge, load_limits
 from weld_force_ros.cli import main
+from weld_force_ros.messages import TOPICS, ForceMap, Message, SpeedCurve, Verdict, decode, encode
 
 DEMO = Path(__file__).parent.parent / "bags" / "demo"
 HOSTILE = "[bold]km 12[/] \x1b]0;owned\x07\x1b[2J‮evil‬ <b>"
 SPEEDS = [20.0, 60.0, 100.0, 140.0]
 
 
-def force_map(weld_id: str = "KM12", peaks_kn: tuple[float, ...] = (110, 240, 150, 230), **fields) -> contract.ForceMap:
+def force_map(weld_id: str = "KM12", peaks_kn: tuple[float, ...] = (110, 240, 150, 230), **fields) -> ForceMap:
     """A map of one position, with its most force at 60 km/h."""
     peaks = [1e3 * peak for peak in peaks_kn]
-    curve = contract.SpeedCurve(
+    curve = SpeedCurve(
         speeds_kmh=SPEEDS,
         peak_force_n=peaks,
         min_force_n=[60e3] * 4,
@@ -33,7 +33,7 @@ def force_map(weld_id: str = "KM12", peaks_kn: tuple[float, ...] = (110, 240, 15
         at_m=[0.3] * 4,
     )
     about = {"curve": curve, "static_load_n": 100e3, **fields}
-    return contract.ForceMap(
+    return ForceMap(
         weld_id=weld_id,
         profile_sha256="a" * 64,
         config_sha256="b" * 64,
@@ -51,13 +51,13 @@ def force_map(weld_id: str = "KM12", peaks_kn: tuple[float, ...] = (110, 240, 15
     )
 
 
-def recording(folder: Path, *maps: contract.ForceMap, limits: bool = True) -> Path:
+def recording(folder: Path, *maps: ForceMap, limits: bool = True) -> Path:
     by = load_limits()
-    messages: list[contract.Message] = [by] if limits else []
+    messages: list[Message] = [by] if limits else []
     for one in maps:
         messages += [one, judge(one, by)]
-    topics = contract.TOPICS
-    sent = [(f"/{topics[type(m)].name}", contract.encode(m).decode(), i) for i, m in enumerate(messages)]
+    topics = TOPICS
+    sent = [(f"/{topics[type(m)].name}", encode(m).decode(), i) for i, m in enumerate(messages)]
     return record(folder, [*sent, ("/rejection", rejection("no units stated"), len(sent))])
 
 
@@ -87,7 +87,7 @@ def test_a_named_weld_stands_alone(capfd, tmp_path):
     bag = recording(tmp_path / "bag", force_map("mild", (101, 102, 103, 104)), force_map("bad"))
     code, lines, err = show(capfd, bag, "mild", "--json", "-")
     assert code == 0
-    assert [contract.decode(contract.Verdict, line).weld_id for line in lines] == ["mild"]
+    assert [decode(Verdict, line).weld_id for line in lines] == ["mild"]
     assert "bad" not in err
 
 

@@ -9,12 +9,12 @@ import pytest
 
 from weld_force_ros import fits, tracks
 from weld_force_ros.assess import Simulator, judge, load_limits, load_uncertainty, simulation_settings
-from weld_force_ros.contract import SimulationSettings, Spread, WeldProfile, config_sha256, encode, profile_sha256
 from weld_force_ros.core.passage import Rig
 from weld_force_ros.core.shapes import cosine_dip
 from weld_force_ros.core.uncertainty import PLACE, RADIUS, REST, draw, noisy
 from weld_force_ros.core.weld import wheel_trajectory
 from weld_force_ros.errors import InputError
+from weld_force_ros.messages import SimulationSettings, Spread, WeldProfile, config_sha256, encode, profile_sha256
 
 SPEEDS, POSITIONS = [60.0, 110.0, 160.0], [0.0, 0.2, 0.4]
 

@@ -16,8 +16,8 @@ import pytest
 from numba.core import event
 
 import weld_force_ros
-from weld_force_ros import fits, tracks, user_cache
-from weld_force_ros.compiled import compiled
+from weld_force_ros import _files, fits, tracks
+from weld_force_ros.physics._numba_cache import compiled
 
 PACKAGE = Path(weld_force_ros.__file__).parent
 
@@ -122,7 +122,7 @@ def test_a_read_only_installation_shares_the_machine_code_that_came_with_it(scie
     def read_only(data: bytes, path: Path) -> None:
         raise PermissionError(errno.EACCES, "read-only", str(path))
 
-    monkeypatch.setattr(user_cache, "write_whole", read_only)
+    monkeypatch.setattr(_files, "write_whole", read_only)
     assert called(kernel, 1.5) == (3.0, 0)
 
 
@@ -159,7 +159,7 @@ def test_a_user_without_a_home_gets_the_shipped_fits(monkeypatch):
     monkeypatch.setattr(platformdirs, "user_cache_path", nobody)
     assert fits.fitted(tracks.load("bilbao")).track == "bilbao"
     with pytest.raises(OSError, match=os.devnull):
-        user_cache.write_whole(b"", user_cache.folder("fits") / "fit.json")
+        _files.write_whole(b"", _files.folder("fits") / "fit.json")
 
 
 STARTED = """

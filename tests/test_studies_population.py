@@ -8,8 +8,8 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import numpy as np
 import pytest
 
-from weld_force_ros.contract import WeldProfile, profile_sha256
 from weld_force_ros.core.shapes import cosine_dip
+from weld_force_ros.messages import WeldProfile, profile_sha256
 from weld_force_ros.studies import population, validation
 from weld_force_ros.studies.laboratory import Investigation, Laboratory
 from weld_force_ros.studies.population_rolling import Curve, Inverted, curve, ratios_by_frequency, with_hollow

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from weld_force_ros import profiles
-from weld_force_ros.contract import WeldProfile, profile_sha256
 from weld_force_ros.core.passage import History
 from weld_force_ros.core.peaks import Peak
+from weld_force_ros.messages import WeldProfile, profile_sha256
 from weld_force_ros.studies.laboratory import BILBAO, Investigation, Laboratory
 from weld_force_ros.studies.motion import moving
 from weld_force_ros.studies.passages import (

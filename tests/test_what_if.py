@@ -10,7 +10,8 @@ from weld_force_ros import assess
 from weld_force_ros.assess import Simulator, load_limits, simulation_settings
 from weld_force_ros.bag import STRING, Recorder, string_cdr
 from weld_force_ros.cli import main
-from weld_force_ros.contract import (
+from weld_force_ros.errors import InputError, NumericalError
+from weld_force_ros.messages import (
     TOPICS,
     ForceMap,
     Message,
@@ -21,7 +22,6 @@ from weld_force_ros.contract import (
     encode,
     profile_sha256,
 )
-from weld_force_ros.errors import InputError, NumericalError
 from weld_force_ros.profiles import find, read_profile
 from weld_force_ros.replay import Recording, read
 from weld_force_ros.what_if import NotComputed, read_change, what_if

@@ -13,8 +13,20 @@ from msgspec import UNSET, UnsetType
 from msgspec.structs import replace as changed
 from numpy.typing import NDArray
 
-from weld_force_ros import __version__, fits, plain_yaml, tracks
-from weld_force_ros.contract import (
+from weld_force_ros import __version__, _yaml, fits, tracks
+from weld_force_ros.core.advice import Advice, advise
+from weld_force_ros.core.causality import acausal
+from weld_force_ros.core.criteria import CRITERIA, Passages, passages
+from weld_force_ros.core.geometry import classify, largest_gradient, straightedge_gap
+from weld_force_ros.core.passage import Rig
+from weld_force_ros.core.poles import BAND_HZ
+from weld_force_ros.core.reference import GreenRig
+from weld_force_ros.core.surface import Surface
+from weld_force_ros.core.verdict import WORST_POSITION, counted_positions, find, judged_part
+from weld_force_ros.core.weld import Trajectory, wheel_trajectory
+from weld_force_ros.core.wheel import Wheel
+from weld_force_ros.errors import InputError, MessageError
+from weld_force_ros.messages import (
     AssessmentSettings,
     Engine,
     ForceHistory,
@@ -34,19 +46,7 @@ from weld_force_ros.contract import (
     legible,
     limits_sha256,
 )
-from weld_force_ros.core.advice import Advice, advise
-from weld_force_ros.core.causality import acausal
-from weld_force_ros.core.criteria import CRITERIA, Passages, passages
-from weld_force_ros.core.geometry import classify, largest_gradient, straightedge_gap
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.poles import BAND_HZ
-from weld_force_ros.core.reference import GreenRig
-from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.track import Real
-from weld_force_ros.core.verdict import WORST_POSITION, counted_positions, find, judged_part
-from weld_force_ros.core.weld import Trajectory, wheel_trajectory
-from weld_force_ros.core.wheel import Wheel
-from weld_force_ros.errors import InputError, MessageError
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.spread import Sampler
 
 SOFTWARE = f"weld_force_ros {__version__}"
@@ -362,13 +362,13 @@ def measured(profile: WeldProfile) -> ProfileMeasures:
     )
 
 
-def _low_passed(surface: Surface) -> Real:
+def _low_passed(surface: Surface) -> FloatArray:
     if surface.low_passed_n is None:
         raise ValueError("low-passed forces were not asked for")
     return surface.low_passed_n
 
 
-def _worst_positions(surface: Surface, counted: NDArray[np.intp], positions_m: Real) -> Real:
+def _worst_positions(surface: Surface, counted: NDArray[np.intp], positions_m: FloatArray) -> FloatArray:
     """The worst over the positions that count, (6, n_speed): the columns of a curve in their order."""
     peak = surface.peak_force_n[:, counted]
     return np.stack(
@@ -382,7 +382,7 @@ def _worst_positions(surface: Surface, counted: NDArray[np.intp], positions_m: R
     )
 
 
-def _rounded(values: Real, decimals: int) -> list[float]:
+def _rounded(values: FloatArray, decimals: int) -> list[float]:
     rounded: list[float] = np.round(values, decimals).ravel().tolist()
     return rounded
 
@@ -405,7 +405,7 @@ def load_limits(path: Path | None = None) -> AssessmentSettings:
     remedy = "write it after data/limits/default.yaml"
     file = path or resources.files("weld_force_ros.data") / "limits" / "default.yaml"
     try:
-        content = plain_yaml.decode(plain_yaml.read(file), object)
+        content = _yaml.decode(_yaml.read(file), object)
         stated = msgspec.convert(content if isinstance(content, dict) else {"limits": content}, _LimitsFile)
         limits = [_limit(row) for row in stated.limits]
     except (OSError, msgspec.DecodeError, ValueError) as error:
@@ -447,7 +447,7 @@ def load_uncertainty(samples: int, path: Path | None = None) -> Uncertainty | No
     source = str(path or "data/uncertainty/default.yaml")
     file = path or resources.files("weld_force_ros.data") / "uncertainty" / "default.yaml"
     try:
-        stated = plain_yaml.decode(plain_yaml.read(file), dict[str, Any])
+        stated = _yaml.decode(_yaml.read(file), dict[str, Any])
         unknown = stated.keys() - set(Uncertainty.__struct_fields__)
         if unknown:
             raise ValueError(f"{', '.join(sorted(unknown))} is unknown")

@@ -27,6 +27,7 @@ from weld_force_ros import (
     cli_study,
     json_lines,
 )
+from weld_force_ros._files import writing
 from weld_force_ros.cli_options import (
     EngineName,
     Hertz,
@@ -49,8 +50,8 @@ from weld_force_ros.errors import InputError, WeldForceError
 
 if TYPE_CHECKING:
     from weld_force_ros.assess import Simulator
-    from weld_force_ros.contract import SimulationSettings
     from weld_force_ros.fits import AnyFit
+    from weld_force_ros.messages import SimulationSettings
 
 # Typer's usage errors, whether its click is the package or a copy of its own.
 _UsageError: Any = typer.BadParameter.__base__
@@ -269,7 +270,7 @@ def schema(
 ) -> None:
     """The messages' JSON Schemas: to standard output, or written to a folder; also those of parameter files."""
     from weld_force_ros import node_parameters
-    from weld_force_ros.contract import SCHEMAS, json_schema
+    from weld_force_ros.messages import SCHEMAS, json_schema
 
     for kind in SCHEMAS:
         if write is None and config is None:
@@ -286,7 +287,7 @@ def _indented(content: dict[str, Any]) -> str:
 
 
 def _write(path: Path, text: str) -> None:
-    with json_lines.writing(path) as file:
+    with writing(path) as file:
         file.write(text)
 
 

@@ -10,8 +10,8 @@ from weld_force_ros.cli_options import EngineName, Json, Limits, Positions, Spee
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
-    from weld_force_ros.contract import GrindingAdvice
     from weld_force_ros.grinding import Adviser
+    from weld_force_ros.messages import GrindingAdvice
 
 _MM, _MM2, _KN = 1e3, 1e6, 1e-3
 

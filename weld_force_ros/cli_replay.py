@@ -112,7 +112,7 @@ def _compute(bag: Path, verify: bool, changes: dict[str, Any] | None, json: str 
 
 def _again(recording: "Recording", verify: bool, json: str | None) -> None:
     from weld_force_ros import terminal
-    from weld_force_ros.contract import Verdict
+    from weld_force_ros.messages import Verdict
     from weld_force_ros.replay import replay as replayed
 
     results = []

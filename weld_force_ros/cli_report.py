@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from weld_force_ros import json_lines
+from weld_force_ros._files import writing
 from weld_force_ros.cli_options import Limits
 from weld_force_ros.errors import InputError, WeldForceError
 
 if TYPE_CHECKING:
-    from weld_force_ros.contract import AssessmentSettings, GrindingAdvice, SimulationSettings, WeldProfile
+    from weld_force_ros.messages import AssessmentSettings, GrindingAdvice, SimulationSettings, WeldProfile
     from weld_force_ros.report_page.welds import Entry, Grind, Weld
 
 Of = Annotated[Path, typer.Argument(metavar="BAG|MAP", help="A bag, or force maps of `simulate --json FILE`.")]
@@ -38,7 +38,7 @@ def report(of: Of, out: Out, pdf: Pdf = None, limits: Limits = None, grinding: G
             rows.append(report_page.row(number, entry))
             details.append(report_page.detail(entry))
         html = report_page.page(rows, details, title="Rail welds", about=f"from {of.absolute().name}")
-    with json_lines.writing(out) as file:
+    with writing(out) as file:
         file.write(html)
     terminal.say(f"written: {out}, {len(rows)} welds, {len(html.encode()) / 1e6:.1f} MB")
     if pdf is not None:

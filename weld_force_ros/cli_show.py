@@ -14,7 +14,7 @@ from weld_force_ros.errors import InputError
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from weld_force_ros.contract import Criterion, Verdict
+    from weld_force_ros.messages import Criterion, Verdict
     from weld_force_ros.report_page import Entry, Weld
 
 _WORST_FIRST = ("reject", "grind", "undecided", "unusable", "accept")

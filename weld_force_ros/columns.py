@@ -7,8 +7,8 @@ import re
 from decimal import Decimal
 from typing import NamedTuple
 
-from weld_force_ros.contract import MAX_SAMPLES
 from weld_force_ros.errors import ProfileError
+from weld_force_ros.messages import MAX_SAMPLES
 
 MAX_FILE_BYTES = 4 * 2**20
 _MAX_LINES = MAX_SAMPLES + 10_000

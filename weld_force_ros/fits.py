@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from weld_force_ros import __version__, user_cache
+from weld_force_ros import __version__, _files
 from weld_force_ros.core import rfp_weights
 from weld_force_ros.core.causality import acausal
 from weld_force_ros.core.poles import BAND_HZ, REPORT_BANDS, PoleModel, default_fit, relative_error
@@ -167,7 +167,7 @@ def fitted(
     """
     key = key_of(definition, engine)
     shipped_file = _DATA / "fits" / f"{definition.track.name}.{engine}.json"
-    cached_file = user_cache.folder("fits") / f"{key}.json"
+    cached_file = _files.folder("fits") / f"{key}.json"
     for file in (shipped_file, cached_file):
         if (found := _read(file, key)) is not None:
             return found
@@ -182,7 +182,7 @@ def fitted(
 def keep(fit: AnyFit) -> None:
     """Put a fit into the user's cache."""
     with contextlib.suppress(OSError):  # a read-only home costs time at the next start, nothing else
-        write(fit, user_cache.folder("fits") / f"{fit.key}.json")
+        write(fit, _files.folder("fits") / f"{fit.key}.json")
 
 
 def make(definition: TrackDefinition, engine: FittedEngine = "common-poles") -> AnyFit:
@@ -225,14 +225,12 @@ def make_rfp(
     how = searched or Search()
     key = key_of(definition, "rfp", how)
     task = rfp_weights.FitTask(definition.track, definition.wheel, degree=how.degree, section_count=how.section_count)
-    state_file = user_cache.folder("fits") / f"search-{key}.json"
+    state_file = _files.folder("fits") / f"search-{key}.json"
 
     def note(progress: rfp_weights.Progress) -> None:
         now = progress.population
         with contextlib.suppress(OSError):
-            user_cache.write_whole(
-                msgspec.json.encode(_Interrupted(key, now.generation, now.genes.tolist())), state_file
-            )
+            _files.write_whole(msgspec.json.encode(_Interrupted(key, now.generation, now.genes.tolist())), state_file)
         if on_generation:
             on_generation(progress)
 
@@ -295,7 +293,7 @@ def _account(definition: TrackDefinition, key: str, model: PoleModel | RfpModel)
 
 def write(fit: AnyFit, path: Path) -> None:
     """Write a fit so that another process sees either the whole file or none."""
-    user_cache.write_whole(msgspec.json.format(msgspec.json.encode(fit), indent=0) + b"\n", path)
+    _files.write_whole(msgspec.json.format(msgspec.json.encode(fit), indent=0) + b"\n", path)
 
 
 def _read(file: resources.abc.Traversable, key: str) -> AnyFit | None:

@@ -19,7 +19,15 @@ from numpy.typing import NDArray
 
 from weld_force_ros import tracks
 from weld_force_ros.assess import SOFTWARE, Simulator, judge
-from weld_force_ros.contract import (
+from weld_force_ros.core.criteria import FORCE_CRITERIA, Passages, applies, decides, gradient_norm_rad
+from weld_force_ros.core.geometry import largest_gradient, straightedge_gap
+from weld_force_ros.core.grinding import Grinder, Profile, Removal, least_removal
+from weld_force_ros.core.passage import Rig
+from weld_force_ros.core.reference import GreenRig
+from weld_force_ros.core.surface import Surface
+from weld_force_ros.core.verdict import Judged, judged_part
+from weld_force_ros.core.weld import wheel_trajectory
+from weld_force_ros.messages import (
     AssessmentSettings,
     ForceMap,
     GrindingAdvice,
@@ -31,15 +39,7 @@ from weld_force_ros.contract import (
     config_sha256,
     profile_sha256,
 )
-from weld_force_ros.core.criteria import FORCE_CRITERIA, Passages, applies, decides, gradient_norm_rad
-from weld_force_ros.core.geometry import largest_gradient, straightedge_gap
-from weld_force_ros.core.grinding import Grinder, Profile, Removal, least_removal
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.reference import GreenRig
-from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.track import Real
-from weld_force_ros.core.verdict import Judged, judged_part
-from weld_force_ros.core.weld import wheel_trajectory
+from weld_force_ros.physics.arrays import FloatArray
 
 MOST_ROUNDS = 8
 MOST_CHECKS = 3
@@ -64,8 +64,8 @@ class _Rolling:
     """Speeds (n_speed,) and positions (n_position,) at which a rig rolls over profiles."""
 
     rig: Rig | GreenRig
-    speeds_kmh: Real
-    positions_m: Real
+    speeds_kmh: FloatArray
+    positions_m: FloatArray
 
     def over(self, profiles: Sequence[Profile], *, low_passed: bool = True) -> list[Passages]:
         """Passages of shape (n_speed, n_position) over each profile."""
@@ -83,7 +83,7 @@ class _Rolling:
         return replace(self, speeds_kmh=self.speeds_kmh[rows], positions_m=self.positions_m[columns])
 
 
-def _low_passed(surface: Surface) -> tuple[Real | None, Real | None]:
+def _low_passed(surface: Surface) -> tuple[FloatArray | None, FloatArray | None]:
     if surface.low_passed_n is None:
         return None, None
     below_120hz, below_20hz = surface.low_passed_n
@@ -99,23 +99,23 @@ class _Limits:
         self._factors = np.ones(len(self._limits))
         self._watched = np.zeros(len(self._limits), dtype=bool)
 
-    def watch(self, excess: list[Real]) -> None:
+    def watch(self, excess: list[FloatArray]) -> None:
         """Those limits that are exceeded or nearest to it, beside those that were before."""
         worst = _worst(excess)
         self._watched |= worst >= min(-_FAR, worst.max())
 
-    def tighten(self, excess: list[Real], by_reference: list[Real]) -> None:
+    def tighten(self, excess: list[FloatArray], by_reference: list[FloatArray]) -> None:
         """So that the reference keeps limits that it exceeds, if it goes on differing as it does."""
         exact = 1 + _worst(by_reference)
         factors = np.where(exact > 1, (1 + _worst(excess)) / exact, 1.0)
         self._factors = np.minimum(self._factors, factors)
         self.watch(by_reference)
 
-    def tightened(self, excess: list[Real]) -> list[Real]:
+    def tightened(self, excess: list[FloatArray]) -> list[FloatArray]:
         """What the tightened limits are exceeded by."""
         return [(1 + e) / factor - 1 for e, factor in zip(excess, self._factors, strict=True)]
 
-    def constraints(self, profiles: Sequence[Profile], rolling: _Rolling) -> Real:
+    def constraints(self, profiles: Sequence[Profile], rolling: _Rolling) -> FloatArray:
         """(n_profile, n_constraint), for the search."""
         watched = [(self._limits[i], self._factors[i] * (1 - _SPARE)) for i in np.flatnonzero(self._watched)]
         low_passed = any(limit.name in _LOW_PASSED for limit, _ in watched)
@@ -128,18 +128,18 @@ class _Limits:
             ]
         )
 
-    def excess(self, profile: Profile, passages: Passages) -> list[Real]:
+    def excess(self, profile: Profile, passages: Passages) -> list[FloatArray]:
         """What each limit itself is exceeded by: in each passage, or (1,) of the geometry's."""
         return [self._excess(limit, profile, passages) for limit in self._limits]
 
-    def _excess(self, limit: Limit, profile: Profile, passages: Passages) -> Real:
+    def _excess(self, limit: Limit, profile: Profile, passages: Passages) -> FloatArray:
         if limit.name == "contact_loss" and limit.limit <= 0:
             # Contact is lost or it is not: how near a passage is to it, the least force says.
             return _KEPT - passages.min_n / passages.static_n + passages.contact_loss_s / _LOST_S
         values = self._values(limit.name, profile, passages)
         return values / limit.limit - 1 if limit.limit > 0 else values - limit.limit
 
-    def _values(self, name: str, profile: Profile, passages: Passages) -> Real:
+    def _values(self, name: str, profile: Profile, passages: Passages) -> FloatArray:
         if name == "straightedge":
             return np.array([straightedge_gap(*profile)])
         if name == "quality_index":
@@ -276,8 +276,8 @@ class Adviser:
         return best
 
     def _checked(
-        self, found: _Found, limits: _Limits, fully: _Rolling, excess: list[Real]
-    ) -> tuple[_Found, list[Real]]:
+        self, found: _Found, limits: _Limits, fully: _Rolling, excess: list[FloatArray]
+    ) -> tuple[_Found, list[FloatArray]]:
         """The most critical passages by the reference, and what they exceed each limit by."""
         critical = replace(fully.at(*_critical(fully, _by_passage(excess))), rig=self._reference)
         ground = found.removal.x_m, found.removal.ground_m
@@ -319,25 +319,25 @@ def _added(axes: Axes, more: Axes) -> Axes:
     return np.union1d(axes[0], more[0]), np.union1d(axes[1], more[1])
 
 
-def _worst_axes(excess: list[Real]) -> Axes:
+def _worst_axes(excess: list[FloatArray]) -> Axes:
     """The speeds and positions of the worst passages of two positions."""
     by_passage = _by_passage(excess)
     columns = np.argsort(-by_passage.max(axis=0), kind="stable")[:2]
     return np.unique(by_passage[:, columns].argmax(axis=0)), columns
 
 
-def _worst(excess: list[Real]) -> Real:
+def _worst(excess: list[FloatArray]) -> FloatArray:
     """Of each limit, (n_limit,)."""
     return np.array([e.max() for e in excess])
 
 
-def _by_passage(excess: list[Real]) -> Real:
+def _by_passage(excess: list[FloatArray]) -> FloatArray:
     """The worst limit of force in each passage, (n_speed, n_position)."""
-    worst: Real = np.max([e for e in excess if e.ndim == 2], axis=0)
+    worst: FloatArray = np.max([e for e in excess if e.ndim == 2], axis=0)
     return worst
 
 
-def _critical(rolling: _Rolling, excess: Real) -> Axes:
+def _critical(rolling: _Rolling, excess: FloatArray) -> Axes:
     """The speeds with the worst passages, some way apart, and the worst positions at those."""
     rows: list[int] = []
     for row in np.argsort(-excess.max(axis=1), kind="stable").tolist():

@@ -8,7 +8,7 @@ from typing import IO
 
 import msgspec
 
-from weld_force_ros.errors import InputError
+from weld_force_ros._files import writing
 
 
 @contextlib.contextmanager
@@ -22,21 +22,6 @@ def lines(target: str | None) -> Iterator[IO[str] | None]:
     else:
         with writing(Path(target)) as file:
             yield file
-
-
-@contextlib.contextmanager
-def writing(path: Path) -> Iterator[IO[str]]:
-    """A text file, its folder made.
-
-    Raises:
-        InputError: the place cannot be written.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w", encoding="utf-8") as file:
-            yield file
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}", "name a file in a writable folder") from None
 
 
 def write(out: IO[str] | None, content: object) -> None:

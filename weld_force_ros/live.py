@@ -28,13 +28,13 @@ import numpy as np
 from msgspec import UNSET, UnsetType
 from numpy.typing import ArrayLike
 
-from weld_force_ros.bag.writing import new_file
-from weld_force_ros.contract import RailSurface, WeldMarker, WeldProfile, profile_problem, profile_sha256
+from weld_force_ros._files import new_file
 from weld_force_ros.core.detection import APART_M, SETTLED_M, detect
 from weld_force_ros.core.shapes import STRAIGHTEDGE_LENGTH_M
 from weld_force_ros.core.stream import KEPT_M, LARGEST_GAP_M, Missing, RailStream, Window
-from weld_force_ros.core.track import Real
 from weld_force_ros.errors import InputError, ProfileError
+from weld_force_ros.messages import RailSurface, WeldMarker, WeldProfile, profile_problem, profile_sha256
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.profiles import write_profile
 
 GIVEN_UP_M = 10.0
@@ -192,7 +192,7 @@ class LiveRail:
             if isinstance(window, Window):
                 self._capture(mark, window)
 
-    def _take_part(self, chainage_m: Real, height_m: Real) -> None:
+    def _take_part(self, chainage_m: FloatArray, height_m: FloatArray) -> None:
         self._stream.push(chainage_m, height_m)
         usable = chainage_m[np.isfinite(chainage_m) & np.isfinite(height_m)]
         self._recent_m = [*self._recent_m, *usable[-_STRAY:].tolist()][-_STRAY:]

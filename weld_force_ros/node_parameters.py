@@ -9,9 +9,9 @@ from typing import Annotated, Any
 
 import msgspec
 
-from weld_force_ros import assess, plain_yaml
-from weld_force_ros.contract import SimulationSettings, legible
+from weld_force_ros import _yaml, assess
 from weld_force_ros.errors import InputError
+from weld_force_ros.messages import SimulationSettings, legible
 
 Value = str | float | int | bool
 
@@ -125,7 +125,7 @@ def read_config(path: Path) -> dict[str, dict[str, dict[str, Any]]]:
         InputError: not readable, not of that form, an unknown node or parameter, a wrong type or a value out of range.
     """
     try:
-        config = plain_yaml.decode(plain_yaml.read(path), dict[str, dict[str, dict[str, Any]]])
+        config = _yaml.decode(_yaml.read(path), dict[str, dict[str, dict[str, Any]]])
         for pattern, content in config.items():
             _check(pattern, content)
     except OSError as error:

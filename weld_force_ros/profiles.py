@@ -31,8 +31,8 @@ import msgspec
 from msgspec import UNSET
 
 from weld_force_ros.columns import MAX_FILE_BYTES, Line, decoded, lines_of, number, quoted, read_columns
-from weld_force_ros.contract import MAX_SAMPLES, WeldProfile, profile_problem, profile_sha256
 from weld_force_ros.errors import ProfileError
+from weld_force_ros.messages import MAX_SAMPLES, WeldProfile, profile_problem, profile_sha256
 
 _POWER_OF_TEN = {"m": 0, "cm": -2, "mm": -3, "um": -6}
 _MICRO = str.maketrans("µμ", "uu")  # the micro sign and the Greek letter

@@ -10,7 +10,8 @@ from msgspec.structs import replace
 
 from weld_force_ros.assess import Simulator, judge
 from weld_force_ros.bag import contract_messages, open_bag
-from weld_force_ros.contract import (
+from weld_force_ros.errors import BagError, WeldForceError
+from weld_force_ros.messages import (
     AssessmentSettings,
     ForceHistory,
     ForceMap,
@@ -22,7 +23,6 @@ from weld_force_ros.contract import (
     Verdict,
     WeldProfile,
 )
-from weld_force_ros.errors import BagError, WeldForceError
 
 # Another processor may round differently, and the contact magnifies it; a real difference is far larger.
 FORCE_TOLERANCE = 1e-6

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from weld_force_ros.contract import ForceHistory, ForceMap, GrindingAdvice, WeldProfile
 from weld_force_ros.errors import InputError
+from weld_force_ros.messages import ForceHistory, ForceMap, GrindingAdvice, WeldProfile
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,10 +8,10 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from weld_force_ros import plain_yaml
-from weld_force_ros.contract import legible
+from weld_force_ros import _yaml
 from weld_force_ros.core.outline import Dimensions
 from weld_force_ros.errors import TrackError
+from weld_force_ros.messages import legible
 
 _DATA = resources.files("weld_force_ros.data") / "sections"
 
@@ -123,7 +123,7 @@ def parse(text: bytes, source: str) -> SectionDefinition:
         TrackError: not of the form of `data/sections/60E1.yaml`.
     """
     try:
-        return described(plain_yaml.decode(text, SectionFile))
+        return described(_yaml.decode(text, SectionFile))
     except (msgspec.DecodeError, ValueError) as error:
         raise TrackError(
             f"rail section {source}: {legible(str(error))}", "write it after data/sections/60E1.yaml"

@@ -8,15 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weld_force_ros import fits
-from weld_force_ros.contract import Spread, Uncertainty
 from weld_force_ros.core.geometry import largest_gradient, straightedge_gap
 from weld_force_ros.core.passage import Rig
 from weld_force_ros.core.propagation import StateModel
 from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.track import Real, Spring
+from weld_force_ros.core.track import Spring
 from weld_force_ros.core.uncertainty import Draws, draw, noisy
 from weld_force_ros.core.weld import wheel_trajectory
 from weld_force_ros.core.wheel import Wheel
+from weld_force_ros.messages import Spread, Uncertainty
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.tracks import TrackDefinition
 
 _TOLERANCE = 2e-2  # as estimated; in truth under 0.1 % of the peak, 0.6 % over a flat: far below what samples differ by
@@ -51,7 +52,7 @@ class Sampler:
             for factor in np.unique(self._draws.support_factor).tolist()
         }
 
-    def spread(self, x_m: Real, z_m: Real, speeds_kmh: Real, positions_m: Real) -> Spread:
+    def spread(self, x_m: FloatArray, z_m: FloatArray, speeds_kmh: FloatArray, positions_m: FloatArray) -> Spread:
         """The worst over speeds of every sample at every position.
 
         Args:
@@ -99,7 +100,7 @@ def _companies(draws: Draws) -> Iterator[tuple[float, float, NDArray[np.intp]]]:
         yield support, hertz, np.flatnonzero(company == number)
 
 
-def _worst(surface: Surface) -> Real:
+def _worst(surface: Surface) -> FloatArray:
     """(5, n_position): peak, least force, contact loss, and both low-passed forces, over all speeds."""
     assert surface.low_passed_n is not None  # noqa: S101 - asked for
     return np.stack(
@@ -132,6 +133,6 @@ def _supported(definition: TrackDefinition, factor: float) -> TrackDefinition:
     )
 
 
-def _listed(values: Real, decimals: int) -> list[float]:
+def _listed(values: FloatArray, decimals: int) -> list[float]:
     listed: list[float] = np.round(values, decimals).ravel().tolist()
     return listed

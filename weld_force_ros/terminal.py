@@ -10,7 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 from rich.table import Table as Grid
 from rich.text import Text
 
-from weld_force_ros.contract import Decision, ForceMap, Limit, Rejection, Verdict
+from weld_force_ros.messages import Decision, ForceMap, Limit, Rejection, Verdict
 from weld_force_ros.studies.tables import Table
 
 if TYPE_CHECKING:

@@ -10,12 +10,12 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from weld_force_ros import plain_yaml, sections
-from weld_force_ros.contract import legible
+from weld_force_ros import _yaml, sections
 from weld_force_ros.core.outline import outline
 from weld_force_ros.core.track import Rail, Spring, StripRail, Track
 from weld_force_ros.core.wheel import Wheel
 from weld_force_ros.errors import InputError, TrackError
+from weld_force_ros.messages import legible
 
 _DATA = resources.files("weld_force_ros.data")
 _MOST_POISSON = 0.45
@@ -106,7 +106,7 @@ def load(name_or_path: str) -> TrackDefinition:
             f"track {name_or_path!r} is neither shipped nor a YAML file", f"use {', '.join(shipped())} or FILE.yaml"
         )
     try:
-        text = plain_yaml.read(path).decode()
+        text = _yaml.read(path).decode()
     except (OSError, ValueError) as error:
         raise TrackError(f"track file {path}: {error}", "give a readable YAML file") from None
     return parse(text, str(path))
@@ -118,12 +118,10 @@ def parse(text: str, source: str) -> TrackDefinition:
     Raises:
         TrackError: not YAML, an unknown or missing field, or a number out of its range.
     """
-    if len(text) > plain_yaml.LONGEST:
-        raise TrackError(
-            f"track file {source}: over {plain_yaml.LONGEST} characters", "a track file has some forty lines"
-        )
+    if len(text) > _yaml.LONGEST:
+        raise TrackError(f"track file {source}: over {_yaml.LONGEST} characters", "a track file has some forty lines")
     try:
-        file = plain_yaml.decode(text.encode(), _TrackFile)
+        file = _yaml.decode(text.encode(), _TrackFile)
     except (msgspec.DecodeError, ValueError) as error:
         raise TrackError(
             f"track file {source}: {legible(str(error))}", "write it after data/tracks/bilbao.yaml"

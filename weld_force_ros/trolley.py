@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from weld_force_ros.core.population import SyntheticWeld, population
 from weld_force_ros.core.roughness import rail_roughness
-from weld_force_ros.core.track import Real
 from weld_force_ros.errors import InputError
+from weld_force_ros.physics.arrays import FloatArray
 
 SPACING_M = 18.0
 STEP_M = 1e-3
@@ -73,7 +73,7 @@ class SyntheticRail:
         )
         self._block = lru_cache(_KEPT_BLOCKS)(self._rough)
 
-    def height_m(self, chainage_m: Real) -> Real:
+    def height_m(self, chainage_m: FloatArray) -> FloatArray:
         """Height at places of the rail, positive up, (n,)."""
         along_m = chainage_m - self.first_m
         height = self._roughness(along_m)
@@ -85,7 +85,7 @@ class SyntheticRail:
                 height[here] += np.interp(chainage_m[here] - placed.chainage_m, x, z, left=0.0, right=0.0)
         return height
 
-    def _roughness(self, along_m: Real) -> Real:
+    def _roughness(self, along_m: FloatArray) -> FloatArray:
         """Blocks that half overlap, faded by sine and cosine: the variance is the same everywhere."""
         half_m = _BLOCK_M / 2
         height = np.zeros(len(along_m))
@@ -97,16 +97,16 @@ class SyntheticRail:
                 height[here] += np.sin(np.pi * within_m / _BLOCK_M) * _between_samples(self._block(block), within_m)
         return height
 
-    def _rough(self, block: int) -> Real:
+    def _rough(self, block: int) -> FloatArray:
         seed = int(np.random.SeedSequence([self._seed, abs(block), int(block < 0)]).generate_state(1)[0])
         return rail_roughness(_BLOCK_M, STEP_M, seed, self._level_db)
 
 
-def _between_samples(heights_m: Real, along_m: Real) -> Real:
+def _between_samples(heights_m: FloatArray, along_m: FloatArray) -> FloatArray:
     """Heights `STEP_M` apart, joined by straight lines: `numpy.interp` would look at all of them each time."""
     before = np.clip((along_m / STEP_M).astype(np.int64), 0, len(heights_m) - 2)
     share = along_m / STEP_M - before
-    between: Real = heights_m[before] + share * (heights_m[before + 1] - heights_m[before])
+    between: FloatArray = heights_m[before] + share * (heights_m[before + 1] - heights_m[before])
     return between
 
 
@@ -145,8 +145,8 @@ class Batch:
     """
 
     at_s: float
-    chainage_m: Real
-    height_m: Real
+    chainage_m: FloatArray
+    height_m: FloatArray
     weld: PlacedWeld | None
 
 
@@ -192,7 +192,7 @@ class _Way:
         self._gone_m = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(self._places_m)))])
         self.steps = round(float(self._gone_m[-1]) / STEP_M)
 
-    def along_m(self, steps: NDArray[np.int64]) -> Real:
+    def along_m(self, steps: NDArray[np.int64]) -> FloatArray:
         """Place along the rail after so many steps, (n,)."""
         return np.asarray(np.interp(STEP_M * steps, self._gone_m, self._places_m))
 

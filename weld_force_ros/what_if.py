@@ -8,7 +8,8 @@ from typing import cast
 from msgspec.structs import replace
 
 from weld_force_ros import assess, tracks
-from weld_force_ros.contract import (
+from weld_force_ros.errors import InputError, MessageError, WeldForceError
+from weld_force_ros.messages import (
     AssessmentSettings,
     Engine,
     ForceMap,
@@ -17,7 +18,6 @@ from weld_force_ros.contract import (
     config_sha256,
     encode,
 )
-from weld_force_ros.errors import InputError, MessageError, WeldForceError
 from weld_force_ros.replay import Recording, again
 
 _Identity = tuple[str, str, str]

@@ -21,8 +21,8 @@ HEIGHTS_MM = (0.05, 0.1, 0.2, 0.3)
 LENGTH_M, STEP_M, SPACING_M = 1000.0, 1e-3, 20.0
 HIT_M = 0.5  # a weld is found if something is found so near
 
-Real = NDArray[np.float64]
-Weld = Callable[[Real], Real]
+FloatArray = NDArray[np.float64]
+Weld = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)

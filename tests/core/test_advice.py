@@ -5,17 +5,10 @@ import pytest
 from msgspec import UNSET
 
 from weld_force_ros.assess import Simulator, judge, load_limits, simulation_settings
-from weld_force_ros.contract import (
-    AssessmentSettings,
-    Limit,
-    SpeedBand,
-    WeldProfile,
-    limits_sha256,
-    profile_sha256,
-)
 from weld_force_ros.core.advice import advise
 from weld_force_ros.core.criteria import Passages
 from weld_force_ros.core.population import SyntheticWeld, population
+from weld_force_ros.messages import AssessmentSettings, Limit, SpeedBand, WeldProfile, limits_sha256, profile_sha256
 
 SPEEDS = np.arange(20.0, 161.0)
 

@@ -5,7 +5,6 @@ import pytest
 from msgspec import UNSET
 
 from weld_force_ros.assess import load_limits, measured
-from weld_force_ros.contract import Limit, NormPoint, ProfileMeasures, SpeedCurve, WeldProfile, profile_sha256
 from weld_force_ros.core.criteria import (
     CRITERIA,
     FORCE_CRITERIA,
@@ -15,6 +14,7 @@ from weld_force_ros.core.criteria import (
     passages,
 )
 from weld_force_ros.core.wheel import Wheel
+from weld_force_ros.messages import Limit, NormPoint, ProfileMeasures, SpeedCurve, WeldProfile, profile_sha256
 
 STATIC_N = 100e3
 CURVE = SpeedCurve(

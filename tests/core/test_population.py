@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, kstest
 
-from weld_force_ros.contract import WeldProfile, decode, encode, profile_sha256
 from weld_force_ros.core.population import (
     AS_WELDED,
     GROUND_SMOOTH,
@@ -18,6 +17,7 @@ from weld_force_ros.core.population import (
     without_short_waves,
 )
 from weld_force_ros.errors import InputError
+from weld_force_ros.messages import WeldProfile, decode, encode, profile_sha256
 
 UNLIKELY = 1e-4  # a sample less probable than that is not from the stated distribution
 

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from weld_force_ros.assess import load_uncertainty
-from weld_force_ros.contract import Spread, Uncertainty
 from weld_force_ros.core.uncertainty import CONTACT, PLACE, RADIUS, REST, SUPPORT, draw, influences, noisy
+from weld_force_ros.messages import Spread, Uncertainty
 
 
 def unknown(samples: int = 400, **changes) -> Uncertainty:

@@ -4,9 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import UNSET, UnsetType
 
-from weld_force_ros.contract import ForceMap, Limit, ProfileMeasures, Rules, Spread
 from weld_force_ros.core.verdict import find
 from weld_force_ros.errors import InputError
+from weld_force_ros.messages import ForceMap, Limit, ProfileMeasures, Rules, Spread
 
 SPEEDS = [40.0, 80.0, 120.0]
 POSITIONS = [0.0, 0.15, 0.30, 0.45]

@@ -10,7 +10,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
-from weld_force_ros.contract import ForceHistory, ForceMap, Message, SimulationSettings, WeldProfile
+from weld_force_ros.messages import ForceHistory, ForceMap, Message, SimulationSettings, WeldProfile
 from weld_force_ros.ros import qos
 
 DEADLINE_S = 20.0

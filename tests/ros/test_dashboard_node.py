@@ -20,8 +20,8 @@ import pytest
 from ros_harness import DEADLINE_S, Outcomes, Probe, QuickSimulator, profile_text, wait_until
 from test_suite import profile
 
-from weld_force_ros.contract import Verdict, encode
 from weld_force_ros.errors import InputError
+from weld_force_ros.messages import Verdict, encode
 from weld_force_ros.report_page.printing import find_browser
 from weld_force_ros.ros.run import KINDS, Kind, Suite, together
 

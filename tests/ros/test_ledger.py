@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weld_force_ros.bag import STRING, Recorder, string_cdr
-from weld_force_ros.contract import TOPICS, ForceMap, Message, Rejection, Settled, Verdict, WeldProfile
+from weld_force_ros.messages import TOPICS, ForceMap, Message, Rejection, Settled, Verdict, WeldProfile
 from weld_force_ros.ros.ledger import AT_ONCE, Ledger, read_ledger
 
 IDS = [f"{n:064x}" for n in range(40)]

@@ -13,7 +13,7 @@ from rcl_interfaces.srv import DescribeParameters, SetParameters
 from ros_harness import Outcomes, Probe, QuickSimulator, profile_text, wait_until
 from std_msgs.msg import String
 
-from weld_force_ros.contract import AssessmentSettings, ForceMap, SimulationSettings, Verdict, WeldProfile, decode
+from weld_force_ros.messages import AssessmentSettings, ForceMap, SimulationSettings, Verdict, WeldProfile, decode
 from weld_force_ros.node_parameters import PARAMETERS
 from weld_force_ros.ros import qos
 from weld_force_ros.ros.run import ALL_KINDS, KINDS, Kind, Suite

@@ -10,7 +10,7 @@ import pytest
 from ros_harness import Outcomes, Probe, profile_text
 from std_msgs.msg import String
 
-from weld_force_ros.contract import Rejection, WeldProfile, decode
+from weld_force_ros.messages import Rejection, WeldProfile, decode
 from weld_force_ros.ros import qos
 from weld_force_ros.ros.run import Suite
 

@@ -16,8 +16,8 @@ from ros_harness import DEADLINE_S, Outcomes, Probe, QuickSimulator, profile_tex
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import String
 
-from weld_force_ros.contract import AssessmentSettings, Verdict, decode
 from weld_force_ros.errors import TrackError
+from weld_force_ros.messages import AssessmentSettings, Verdict, decode
 from weld_force_ros.ros import qos
 from weld_force_ros.ros.run import Suite, main, run_node, run_until_signal
 

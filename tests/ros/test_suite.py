@@ -14,7 +14,8 @@ from ros_harness import Outcomes, Probe, QuickSimulator, profile_text, wait_unti
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from weld_force_ros.contract import (
+from weld_force_ros.errors import InputError, TrackError
+from weld_force_ros.messages import (
     SCHEMA_VERSION,
     TOPICS,
     ForceMap,
@@ -27,7 +28,6 @@ from weld_force_ros.contract import (
     decode,
     encode,
 )
-from weld_force_ros.errors import InputError, TrackError
 from weld_force_ros.profiles import parse_profile
 from weld_force_ros.ros import qos
 from weld_force_ros.ros.run import KINDS, Kind, Suite

@@ -22,8 +22,8 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from weld_force_ros.contract import MAX_SAMPLES, RailSurface, Rejection, WeldMarker, decode, encode
 from weld_force_ros.errors import MessageError
+from weld_force_ros.messages import MAX_SAMPLES, RailSurface, Rejection, WeldMarker, decode, encode
 from weld_force_ros.profiles import read_profile
 from weld_force_ros.ros import points, qos
 from weld_force_ros.ros.managed import ManagedNode

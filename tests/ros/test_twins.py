@@ -7,7 +7,7 @@ from msgspec import UNSET
 from msgspec.structs import replace
 from test_suite import plotted
 
-from weld_force_ros.contract import Criterion, Verdict
+from weld_force_ros.messages import Criterion, Verdict
 from weld_force_ros.ros.twins import criteria
 
 

@@ -26,7 +26,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
 from weld_force_ros import assess, profiles
-from weld_force_ros.contract import (
+from weld_force_ros.messages import (
     TOPICS,
     AssessmentSettings,
     ForceHistory,

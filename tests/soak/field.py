@@ -19,7 +19,7 @@ from std_msgs.msg import String
 
 from weld_force_ros import profiles
 from weld_force_ros.bag import stored
-from weld_force_ros.contract import TOPICS, Settled, Verdict, profile_sha256
+from weld_force_ros.messages import TOPICS, Settled, Verdict, profile_sha256
 from weld_force_ros.ros import environment, qos
 from weld_force_ros.ros.demo import keep_to_itself
 from weld_force_ros.ros.health import TOPIC as DIAGNOSTICS_TOPIC

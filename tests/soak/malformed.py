@@ -38,9 +38,11 @@ import yaml
 from mcap.writer import CompressionType, Writer
 from msgspec import UNSET
 
-from weld_force_ros import assess, contract, profiles, tracks
+from weld_force_ros import assess, profiles, tracks
 from weld_force_ros.bag import STRING, contract_messages, open_bag, string_cdr
-from weld_force_ros.contract import (
+from weld_force_ros.errors import InputError, WeldForceError
+from weld_force_ros.messages import (
+    TOPICS,
     AssessmentSettings,
     ForceHistory,
     ForceMap,
@@ -53,8 +55,9 @@ from weld_force_ros.contract import (
     Verdict,
     WeldMarker,
     WeldProfile,
+    decode,
+    encode,
 )
-from weld_force_ros.errors import InputError, WeldForceError
 from weld_force_ros.node_parameters import default_config, read_config
 from weld_force_ros.profiles import PlainForm
 from weld_force_ros.ros.accounts import header_of
@@ -131,9 +134,9 @@ def _json_of(numbers: list[float]) -> str:
 
 def check_message(message: Message) -> None:
     """It can be sent, holds finite numbers only, and reads back the same."""
-    data = contract.encode(message)
+    data = encode(message)
     json.loads(data, parse_constant=_not_finite, parse_float=_finite)
-    if contract.decode(type(message), data) != message:
+    if decode(type(message), data) != message:
         raise DefectError("reads back differently")
     if broken := [name for name, text in _identities(message) if not re.fullmatch("[0-9a-f]{64}", text)]:
         raise DefectError(f"no SHA-256: {', '.join(broken)}")
@@ -232,7 +235,7 @@ def _messages(kind: type[Message]) -> list[Message]:
 
 
 def _message_seeds(kind: type[Message]) -> list[bytes]:
-    return [contract.encode(message) for message in _messages(kind)]
+    return [encode(message) for message in _messages(kind)]
 
 
 @lru_cache
@@ -301,7 +304,7 @@ def _recording(compression: CompressionType, chunked: bool) -> bytes:
     writer.start("ros2")
     schema = writer.register_schema(STRING.name, "ros2msg", STRING.text.encode())
     for topic in (WeldProfile, Verdict, Inquiry, Rejection):
-        channel = writer.register_channel(f"/left/{contract.TOPICS[topic].name}", "cdr", schema)
+        channel = writer.register_channel(f"/left/{TOPICS[topic].name}", "cdr", schema)
         for ordinal, data in enumerate(_message_seeds(topic)):
             writer.add_message(channel, 1_000 + ordinal, string_cdr(data.decode()), 1_000)
     writer.finish()
@@ -315,7 +318,7 @@ def read_message(kind: type[Message], data: bytes) -> Reading:
     """As a node or the replay takes a message."""
     header_of(data.decode("utf-8", "replace"))
     try:
-        message = contract.decode(kind, data)
+        message = decode(kind, data)
     except InputError as error:
         check_refusal(error)
         return Reading(_is_json(data), False)
@@ -483,7 +486,7 @@ def read_sample(data: bytes) -> Reading:
 
     messenger, string, rejections = _live_node()
     rejections.clear()
-    kinds = list(contract.TOPICS)
+    kinds = list(TOPICS)
     kind = kinds[zlib.crc32(data) % len(kinds)] if zlib.crc32(data) % 4 == 0 else WeldProfile
     incoming = messenger.open(kind, Sample("/malformed", string, qos.CONTRACT, data, 0, 0))
     message = messenger.read(kind, incoming, rejections.append)

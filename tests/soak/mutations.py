@@ -18,7 +18,7 @@ import msgspec
 import zstandard
 from mcap.writer import MCAP0_MAGIC
 
-from weld_force_ros.contract import AssessmentSettings, SimulationSettings, config_sha256, limits_sha256
+from weld_force_ros.messages import AssessmentSettings, SimulationSettings, config_sha256, limits_sha256
 
 Mutation = Callable[[Random, bytes, bytes], bytes]
 

@@ -6,11 +6,12 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from queue import SimpleQueue
 
+from weld_force_ros._files import NO_ROOM, new_file, sync_folder
 from weld_force_ros.bag.disk_space import DiskSpace
 from weld_force_ros.bag.form import Tally
 from weld_force_ros.bag.listing import Listing
 from weld_force_ros.bag.mcap_file import McapFile
-from weld_force_ros.bag.writing import NO_ROOM, new_file, sync_folder, write_whole
+from weld_force_ros.bag.writing import write_whole
 from weld_force_ros.errors import BagError
 
 EVIDENCE = ".cut"

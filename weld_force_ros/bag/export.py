@@ -7,13 +7,14 @@ from pathlib import Path
 
 import msgspec
 
-from weld_force_ros import contract
+from weld_force_ros._files import disk, new_file, refuse_existing
 from weld_force_ros.bag.form import MessageDefinition
 from weld_force_ros.bag.layout import layout
 from weld_force_ros.bag.reading import open_bag
 from weld_force_ros.bag.suite import recorded_messages
-from weld_force_ros.bag.writing import McapWriter, disk, new_file, refuse_existing
+from weld_force_ros.bag.writing import McapWriter
 from weld_force_ros.errors import BagError
+from weld_force_ros.messages import Message, encode, json_schema
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def export_json(source: Path, target: Path, *, on_refused: Callable[[BagError], 
                     on_refused(message)
                 continue
             # Encoded anew: fields that the schema does not know may hold what Lichtblick throws on.
-            data = contract.encode(message)
+            data = encode(message)
             writer.add(recorded.topic, _json_definition(type(message)), data, *recorded[3:])
         writer.finish()
         check_found(source, writer.tally.message_count)
@@ -77,7 +78,7 @@ def check_found(source: Path, message_count: int) -> None:
 
 
 @lru_cache
-def _json_definition(kind: type[contract.Message]) -> MessageDefinition:
-    schema = msgspec.json.encode(contract.json_schema(kind)).decode()
+def _json_definition(kind: type[Message]) -> MessageDefinition:
+    schema = msgspec.json.encode(json_schema(kind)).decode()
     name = f"weld_force_ros/{kind.__name__}"
     return MessageDefinition(name, schema, schema_encoding="jsonschema", message_encoding="json")

@@ -20,8 +20,8 @@ from mcap.writer import MCAP0_MAGIC
 from mcap_ros2.decoder import DecoderFactory
 
 from weld_force_ros.bag.form import MAX_RECORD_BYTES, MessageDefinition, Tally
-from weld_force_ros.contract import legible
 from weld_force_ros.errors import BagError
+from weld_force_ros.messages import legible
 
 MAX_REORDERED_BYTES = 2**30
 """How much may have to be held in memory to bring a file into log order."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from weld_force_ros import plain_yaml
+from weld_force_ros import _yaml
 from weld_force_ros.bag.form import Tally, together
 from weld_force_ros.bag.mcap_file import McapFile, Recorded
 from weld_force_ros.errors import BagError
@@ -205,8 +205,8 @@ def listed_files(directory: Path) -> dict[str, int]:
     After a crash it may be either; names are stripped of folders.
     """
     try:
-        text = plain_yaml.read(directory / "metadata.yaml")
-        content = plain_yaml.decode(text, dict[str, Any])["rosbag2_bagfile_information"]
+        text = _yaml.read(directory / "metadata.yaml")
+        content = _yaml.decode(text, dict[str, Any])["rosbag2_bagfile_information"]
         names = [Path(name).name for name in content["relative_file_paths"]]
         counts = {Path(file["path"]).name: int(file["message_count"]) for file in content.get("files") or ()}
         return {name: counts.get(name, 0) for name in names if "\0" not in name}

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from weld_force_ros._files import NO_ROOM, PART, disk, sync_folder
 from weld_force_ros.bag.compaction import KEPT, Compactor
 from weld_force_ros.bag.disk_space import DiskSpace
 from weld_force_ros.bag.disk_sync import DiskSync
@@ -18,7 +19,7 @@ from weld_force_ros.bag.form import MAX_RECORD_BYTES, MessageDefinition, Tally, 
 from weld_force_ros.bag.listing import Listing
 from weld_force_ros.bag.mcap_file import McapFile
 from weld_force_ros.bag.reading import listed_files
-from weld_force_ros.bag.writing import NO_ROOM, PART, McapWriter, WholeWrites, disk, sync_folder
+from weld_force_ros.bag.writing import McapWriter, WholeWrites
 from weld_force_ros.errors import BagError, DiskFullError
 
 SPLIT_BYTES = 256 * 2**20

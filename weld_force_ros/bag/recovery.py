@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
 
+from weld_force_ros._files import disk, new_folder
 from weld_force_ros.bag.reading import Bag, open_bag
-from weld_force_ros.bag.writing import disk, new_folder, write_metadata, write_whole
+from weld_force_ros.bag.writing import write_metadata, write_whole
 from weld_force_ros.errors import BagError
 
 

@@ -7,18 +7,18 @@ from typing import NamedTuple
 import msgspec
 from msgspec import UNSET, UnsetType
 
-from weld_force_ros import contract
 from weld_force_ros.bag.form import STRING
 from weld_force_ros.bag.mcap_file import Recorded
 from weld_force_ros.bag.reading import Bag
 from weld_force_ros.errors import BagError, MessageError
+from weld_force_ros.messages import TOPICS, Message, Rejection, Verdict, WeldProfile, decode, identity
 
 
 class ContractMessage(NamedTuple):
     """A message of the suite, or what is wrong with it."""
 
     topic: str
-    message: contract.Message | BagError
+    message: Message | BagError
     log_time_ns: int
 
 
@@ -31,23 +31,23 @@ def contract_messages(bag: Bag) -> Iterator[ContractMessage]:
         yield ContractMessage(recorded.topic, message, recorded.log_time_ns)
 
 
-def recorded_messages(bag: Bag) -> Iterator[tuple[Recorded, contract.Message | BagError]]:
+def recorded_messages(bag: Bag) -> Iterator[tuple[Recorded, Message | BagError]]:
     """As `contract_messages`, each with what it was recorded as."""
-    for recorded, kind in _of_suite(bag, contract.TOPICS):
+    for recorded, kind in _of_suite(bag, TOPICS):
         yield recorded, _contract_message(recorded, kind)
 
 
-def _of_suite(bag: Bag, kinds: Collection[type[contract.Message]]) -> Iterator[tuple[Recorded, type[contract.Message]]]:
-    by_name = {contract.TOPICS[kind].name: kind for kind in kinds}
+def _of_suite(bag: Bag, kinds: Collection[type[Message]]) -> Iterator[tuple[Recorded, type[Message]]]:
+    by_name = {TOPICS[kind].name: kind for kind in kinds}
     named = {topic for topic, _ in bag.tally.counts if topic.rpartition("/")[2] in by_name}
     for recorded in bag.messages(named):
         if recorded.definition.name == STRING.name:
             yield recorded, by_name[recorded.topic.rpartition("/")[2]]
 
 
-def _contract_message(recorded: Recorded, kind: type[contract.Message]) -> contract.Message | BagError:
+def _contract_message(recorded: Recorded, kind: type[Message]) -> Message | BagError:
     try:
-        return contract.decode(kind, recorded.text)
+        return decode(kind, recorded.text)
     except MessageError as error:
         return recorded.problem(error.reason, error.remedy)
     except BagError as error:
@@ -95,12 +95,12 @@ class _Account:
             self.doubled.add(measurement)
         self.settled.add(measurement)
 
-    def enter(self, kind: type[contract.Message], entry: _Entry) -> None:
-        if kind is contract.WeldProfile:
-            self.profiles[contract.identity(entry)] = entry.profile_sha256
-        elif kind is contract.Verdict:
+    def enter(self, kind: type[Message], entry: _Entry) -> None:
+        if kind is WeldProfile:
+            self.profiles[identity(entry)] = entry.profile_sha256
+        elif kind is Verdict:
             self.verdicts += 1
-            self.settle(contract.identity(entry))
+            self.settle(identity(entry))
         else:
             self.rejections += 1
             if isinstance(entry.profile_id, str):
@@ -115,7 +115,7 @@ class _Account:
 def outcomes(bag: Bag) -> Outcomes | None:
     """Count what became of the measurements; None for a bag without profile, verdict or rejection."""
     account = _Account()
-    for recorded, kind in _of_suite(bag, (contract.WeldProfile, contract.Verdict, contract.Rejection)):
+    for recorded, kind in _of_suite(bag, (WeldProfile, Verdict, Rejection)):
         try:
             entry = msgspec.json.decode(recorded.text, type=_Entry)
         except (BagError, msgspec.DecodeError):

@@ -8,13 +8,12 @@ from typing import Any, NamedTuple, Protocol
 
 from msgspec import UNSET
 
-from weld_force_ros import contract
+from weld_force_ros._files import disk, new_folder
 from weld_force_ros.bag.export import ExportReport, check_found
 from weld_force_ros.bag.reading import open_bag
 from weld_force_ros.bag.suite import recorded_messages
-from weld_force_ros.bag.writing import disk, new_folder
-from weld_force_ros.contract import ForceMap, Message, Rejection, Verdict, WeldProfile
 from weld_force_ros.errors import BagError, InputError
+from weld_force_ros.messages import ForceMap, Message, Rejection, Verdict, WeldProfile, identity
 
 FORMATS = ("csv", "parquet")
 
@@ -282,7 +281,7 @@ def export_tables(
 def _profile_id(message: Message) -> str | None:
     match message:
         case Verdict() | ForceMap() | WeldProfile():
-            return contract.identity(message)
+            return identity(message)
         case Rejection(profile_id=str(profile_id)):
             return profile_id
     return None

@@ -2,7 +2,6 @@
 
 import errno
 import os
-import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,17 +9,12 @@ from typing import Any, BinaryIO
 
 from mcap.writer import Writer
 
+from weld_force_ros._files import new_file
 from weld_force_ros.bag.form import MessageDefinition, Tally, information, to_yaml
 from weld_force_ros.bag.mcap_file import McapFile, Recorded
 from weld_force_ros.errors import BagError
 
-PART = ".part"
-"""What the name of a file ends in while it is written."""
-
 _FORCED_BYTES = 8 * 2**20  # of a whole file, at a time
-
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
-"""What the operating system says of a full disk, and of a user's full share of it."""
 
 
 class WholeWrites:
@@ -168,62 +162,3 @@ def write_metadata(directory: Path, files: Mapping[str, Tally]) -> None:
     """Write a recording's `metadata.yaml`: its files by name, and what each holds."""
     with new_file(directory / "metadata.yaml") as stream:
         stream.write(to_yaml({"rosbag2_bagfile_information": information(files)}).encode())
-
-
-@contextmanager
-def disk(path: Path, remedy: str = "choose another place or free space") -> Iterator[None]:
-    """Turn what the operating system refuses into a BagError about `path`."""
-    try:
-        yield
-    except OSError as error:
-        raise BagError(f"{path}: {error.strerror or error}", remedy) from error
-
-
-@contextmanager
-def new_file(path: Path) -> Iterator[BinaryIO]:
-    """Write beside, force to the disk, and only then name: who looks finds the old file or all of the new one."""
-    part = path.with_name(f"{path.name}{PART}")
-    try:
-        with part.open("wb") as stream:
-            yield stream
-            stream.flush()
-            os.fsync(stream.fileno())
-        part.replace(path)
-        sync_folder(path.parent)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
-
-
-@contextmanager
-def new_folder(path: Path) -> Iterator[Path]:
-    """A folder that gets its name once all in it is written.
-
-    Raises:
-        BagError: something of this name is there.
-    """
-    refuse_existing(path)
-    part = path.with_name(f".{path.resolve().name}.{os.getpid()}{PART}")
-    part.mkdir(parents=True)
-    try:
-        yield part
-        part.rename(path)
-    except BaseException:
-        shutil.rmtree(part, ignore_errors=True)
-        raise
-    sync_folder(path.resolve().parent)
-
-
-def refuse_existing(path: Path) -> None:
-    """Raise a BagError if something is there: recordings are never overwritten."""
-    if path.exists():
-        raise BagError(f"{path} exists and is not overwritten", "choose another name or remove it")
-
-
-def sync_folder(directory: Path) -> None:
-    """Force to the disk what files a folder has."""
-    handle = os.open(directory, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

@@ -8,7 +8,7 @@ from weld_force_ros.bench import study, timing
 from weld_force_ros.core import _kernel
 from weld_force_ros.core._vector import LANES, SPEEDS
 from weld_force_ros.core.batch import Approaches, make_batch
-from weld_force_ros.core.track import Real
+from weld_force_ros.physics.arrays import FloatArray
 
 _STEPS = 1 << 14
 _PAIRS = 4
@@ -36,7 +36,7 @@ def arithmetic(repetitions: int) -> dict[str, object]:
     pool = ThreadPoolExecutor(1)
     batch = make_batch(roller, np.linspace(60.0, 200.0, SPEEDS), roller.longest_stride, pool)
 
-    def roll() -> Real:
+    def roll() -> FloatArray:
         return batch.peaks(weld, everything, pool, 1)
 
     # All lanes of a pair of positions roll until the last of them is done.

@@ -16,8 +16,8 @@ import numpy as np
 from weld_force_ros import profiles, replay
 from weld_force_ros.assess import parse_speeds
 from weld_force_ros.bench.study import POSITIONS, SPEEDS
-from weld_force_ros.contract import Rejection, Verdict, profile_sha256
 from weld_force_ros.errors import WeldForceError
+from weld_force_ros.messages import Rejection, Verdict, profile_sha256
 
 _PASSAGES = len(parse_speeds(SPEEDS)) * POSITIONS
 _WELD = "weld-1-dip"

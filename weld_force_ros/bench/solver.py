@@ -18,8 +18,8 @@ from weld_force_ros.core.passage import Rig
 from weld_force_ros.core.poles import PoleModel
 from weld_force_ros.core.propagation import first_order_hold
 from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import RESAMPLED_STEP_M, Trajectory
+from weld_force_ros.physics.arrays import FloatArray
 
 SAMPLE = 28
 _SEED = 20180301
@@ -70,15 +70,15 @@ class SolvedPassage:
         steps = int(self.end_s / _RUNGE_KUTTA_STEP_S) + 1
         return float(_kernel.peak_by_runge_kutta(self.state, _RUNGE_KUTTA_STEP_S, steps, *self._equations))
 
-    def _force(self, t: float, y: Real) -> float:
+    def _force(self, t: float, y: FloatArray) -> float:
         return float(_kernel.rate(t, y, *self._equations, self._slope))
 
-    def _rate(self, t: float, y: Real) -> Real:
+    def _rate(self, t: float, y: FloatArray) -> FloatArray:
         self._force(t, y)
         return self._slope.copy()
 
     @staticmethod
-    def _physical(model: PoleModel, x_m: float, dt_s: float, rail: Real, wheel: Real) -> Real:
+    def _physical(model: PoleModel, x_m: float, dt_s: float, rail: FloatArray, wheel: FloatArray) -> FloatArray:
         """The states q_k of the equations (times the root of the pair's weight), from the kernel's scaled ones."""
         decay, old, new = first_order_hold(model.poles_rad_s, dt_s)
         shape = np.sqrt(model.pair_weight) * model.shapes_at(x_m)[0]
@@ -166,5 +166,5 @@ def _solved(rig: Rig, workload: Study, cell: Cell, surfaces: dict[str, Surface] 
     return SolvedPassage(rig, trajectory, workload.speeds_kmh[row], workload.positions_m[column], until)
 
 
-def _percent(values: Real, exact: Real) -> NDArray[np.float64]:
+def _percent(values: FloatArray, exact: FloatArray) -> NDArray[np.float64]:
     return np.asarray(100 * np.abs(values / exact - 1))

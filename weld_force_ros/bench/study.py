@@ -6,11 +6,11 @@ import numpy as np
 
 from weld_force_ros import fits, profiles, tracks
 from weld_force_ros.assess import Simulator, parse_speeds, simulation_settings
-from weld_force_ros.contract import WeldProfile
 from weld_force_ros.core.passage import Rig
 from weld_force_ros.core.poles import PoleModel
-from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import Trajectory
+from weld_force_ros.messages import WeldProfile
+from weld_force_ros.physics.arrays import FloatArray
 
 TRACK = "bilbao"
 SPEEDS = "20:255:5"
@@ -35,12 +35,12 @@ class Study:
     trajectories: dict[str, Trajectory]
 
     @property
-    def speeds_kmh(self) -> Real:
+    def speeds_kmh(self) -> FloatArray:
         """(48,)."""
         return np.array(self.simulator.settings.speeds_kmh)
 
     @property
-    def positions_m(self) -> Real:
+    def positions_m(self) -> FloatArray:
         """(15,), over one span."""
         return np.array(self.simulator.settings.positions_m)
 

@@ -6,9 +6,9 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta, UnsetType
 
-from weld_force_ros import assess, plain_yaml, tracks
-from weld_force_ros.contract import AssessmentSettings, Name, SimulationSettings, legible
+from weld_force_ros import _yaml, assess, tracks
 from weld_force_ros.errors import InputError
+from weld_force_ros.messages import AssessmentSettings, Name, SimulationSettings, legible
 from weld_force_ros.profiles import PlainForm
 
 DEFAULT_BATCH_WELDS = 256
@@ -114,7 +114,7 @@ def read(path: Path) -> Campaign:
         InputError: not readable, not of that form, or asking for something that cannot be simulated.
     """
     try:
-        file = plain_yaml.decode(plain_yaml.read(path), _CampaignFile)
+        file = _yaml.decode(_yaml.read(path), _CampaignFile)
         for source in file.sources:
             _ = source.named, source.plain_form()
     except (OSError, msgspec.DecodeError, ValueError) as error:

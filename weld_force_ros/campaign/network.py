@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from weld_force_ros.contract import WeldProfile, profile_sha256
 from weld_force_ros.core.population import SyntheticWeld, population
+from weld_force_ros.messages import WeldProfile, profile_sha256
 
 WELD_SPACING_M = 18.0
 STRETCH_WELDS = 250

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import msgspec
 
-from weld_force_ros import user_cache
+from weld_force_ros import _files
 from weld_force_ros.assess import SOFTWARE
 from weld_force_ros.campaign.definition import Campaign, Section
 from weld_force_ros.campaign.sources import Source
-from weld_force_ros.contract import AssessmentSettings
 from weld_force_ros.errors import InputError
+from weld_force_ros.messages import AssessmentSettings
 
 _FILE = "plan.json"
 
@@ -80,7 +80,7 @@ def adopt(plan: Plan, out: Path) -> bool:
 
 def _begin(plan: Plan, out: Path) -> None:
     try:
-        user_cache.write_whole(msgspec.json.format(msgspec.json.encode(plan)), out / _FILE)
+        _files.write_whole(msgspec.json.format(msgspec.json.encode(plan)), out / _FILE)
     except OSError as error:
         raise InputError(f"{out}: {error.strerror or error}", "give --out a writable folder") from None
 

@@ -14,9 +14,9 @@ import pyarrow as pa  # type: ignore[import-untyped]
 import pyarrow.parquet as pq  # type: ignore[import-untyped]
 from msgspec import UNSET
 
-from weld_force_ros.bag.writing import PART
-from weld_force_ros.contract import WeldProfile, legible, profile_problem, profile_sha256
+from weld_force_ros._files import PART
 from weld_force_ros.errors import InputError
+from weld_force_ros.messages import WeldProfile, legible, profile_problem, profile_sha256
 
 ROW_GROUP = 256
 """Rows that are read together: a batch's, so that nothing is read for nothing."""

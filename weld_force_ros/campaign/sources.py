@@ -12,13 +12,12 @@ from typing import Literal
 
 import msgspec
 
-from weld_force_ros import contract
 from weld_force_ros.bag import contract_messages, open_bag
 from weld_force_ros.campaign import profile_table
 from weld_force_ros.campaign.definition import Campaign, SourceFile
 from weld_force_ros.campaign.profile_table import Unusable, Weld
-from weld_force_ros.contract import WeldProfile
 from weld_force_ros.errors import BagError, InputError, ProfileError
+from weld_force_ros.messages import WeldProfile, identity
 from weld_force_ros.profiles import PlainForm, read_profile
 
 UNPACKED = "unpacked"
@@ -138,7 +137,7 @@ def _recorded(path: Path) -> Iterator[Weld]:
     for _, message, _ in contract_messages(open_bag(path)):
         if isinstance(message, BagError):
             yield Unusable(path.name, message.reason, message.remedy)
-        elif isinstance(message, WeldProfile) and (who := contract.identity(message)) not in seen:
+        elif isinstance(message, WeldProfile) and (who := identity(message)) not in seen:
             seen.add(who)
             yield message
 

@@ -20,10 +20,10 @@ import pyarrow as pa  # type: ignore[import-untyped]
 import pyarrow.parquet as pq  # type: ignore[import-untyped]
 import zarr
 
-from weld_force_ros import user_cache
+from weld_force_ros import _files
 from weld_force_ros.campaign.definition import Section
 from weld_force_ros.campaign.plan import Plan
-from weld_force_ros.contract import SimulationSettings
+from weld_force_ros.messages import SimulationSettings
 
 MAPS = "maps.zarr"
 _CACHED_GROUPS = 64
@@ -43,7 +43,7 @@ def write_table(table: Any, out: Path, name: str) -> dict[str, str]:
     buffer = io.BytesIO()
     pq.write_table(table, buffer, compression="zstd")
     data = buffer.getvalue()
-    user_cache.write_whole(data, out / name)
+    _files.write_whole(data, out / name)
     return {name: hashlib.sha256(data).hexdigest()}
 
 

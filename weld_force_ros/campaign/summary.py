@@ -76,7 +76,7 @@ def write(out: Path) -> Path:
     Raises:
         InputError: there are none, plotly or jinja2 is not installed, or the page cannot be written.
     """
-    from weld_force_ros.json_lines import writing
+    from weld_force_ros._files import writing
 
     page = out / FILE
     with writing(page) as file:

@@ -10,10 +10,10 @@ import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]
 from msgspec import UNSET
 
-from weld_force_ros.contract import AssessmentSettings, Criterion, ForceMap, Verdict, WeldProfile
 from weld_force_ros.core.criteria import CRITERIA, Passages, held_values, passages
-from weld_force_ros.core.track import Real
 from weld_force_ros.core.verdict import counted_positions
+from weld_force_ros.messages import AssessmentSettings, Criterion, ForceMap, Verdict, WeldProfile
+from weld_force_ros.physics.arrays import FloatArray
 
 _WHO: dict[str, pa.DataType] = {
     "weld_number": pa.int64(),
@@ -122,7 +122,7 @@ def speed_columns(force_map: ForceMap, limits: AssessmentSettings) -> dict[str, 
     }
 
 
-def _within(speeds_kmh: Real, worst: Passages, limits: AssessmentSettings) -> Any:
+def _within(speeds_kmh: FloatArray, worst: Passages, limits: AssessmentSettings) -> Any:
     within = np.ones(len(speeds_kmh), dtype=np.bool_)
     for limit, held, values in held_values(speeds_kmh, worst, limits.limits):
         within &= ~held | (values <= limit.limit)

@@ -25,8 +25,8 @@ from weld_force_ros.campaign.plan import Plan
 from weld_force_ros.campaign.profile_table import Unusable, Weld
 from weld_force_ros.campaign.records import Record
 from weld_force_ros.campaign.sources import Batch
-from weld_force_ros.contract import ForceMap, WeldProfile
 from weld_force_ros.errors import InputError, NumericalError
+from weld_force_ros.messages import ForceMap, WeldProfile
 
 FITS = "fits"
 """Folder beside the results for the fits of its tracks."""

@@ -10,7 +10,6 @@ which has one root; with u = sqrt(delta) it is a cubic that Newton's method desc
 
 import numpy as np
 
-from weld_force_ros.compiled import compiled
 from weld_force_ros.core._vector import (
     LANES,
     SPEEDS,
@@ -26,6 +25,7 @@ from weld_force_ros.core._vector import (
     store,
     where_greater,
 )
+from weld_force_ros.physics._numba_cache import compiled
 
 # Reassociation lets sums vectorise; NaN and infinity keep their meaning, as they are how a failure shows.
 _FAST = {"reassoc", "contract", "arcp", "nsz"}

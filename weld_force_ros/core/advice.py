@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from weld_force_ros.contract import HollowBand, Limit, Restriction, SpeedBand
 from weld_force_ros.core.criteria import Passages, held_values
 from weld_force_ros.core.curves import curve_features
-from weld_force_ros.core.track import Real
+from weld_force_ros.messages import HollowBand, Limit, Restriction, SpeedBand
+from weld_force_ros.physics.arrays import FloatArray
 
 RESTRICTION_STEP_KMH = 20.0
 _WORTH_SAYING = 0.01  # of the peak
@@ -21,7 +21,7 @@ _WORTH_SAYING = 0.01  # of the peak
 
 @dataclass(frozen=True)
 class Advice:
-    """What a force-speed curve says to whoever sets the speed; see `weld_force_ros.contract.Verdict`."""
+    """What a force-speed curve says to whoever sets the speed; see `weld_force_ros.messages.Verdict`."""
 
     permitted_kmh: float | None
     avoid: tuple[SpeedBand, ...]
@@ -32,7 +32,7 @@ class Advice:
     step_kmh: float
 
 
-def advise(speeds_kmh: Real, worst: Passages, limits: Sequence[Limit]) -> Advice:
+def advise(speeds_kmh: FloatArray, worst: Passages, limits: Sequence[Limit]) -> Advice:
     """Advice on speed.
 
     Args:
@@ -56,7 +56,9 @@ def advise(speeds_kmh: Real, worst: Passages, limits: Sequence[Limit]) -> Advice
     )
 
 
-def _within(speeds_kmh: Real, worst: Passages, limits: Sequence[Limit]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _within(
+    speeds_kmh: FloatArray, worst: Passages, limits: Sequence[Limit]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Whether all speeds up to each are within the limits of a line of that speed, and whether each itself is not."""
     upto_within = np.ones(len(speeds_kmh), dtype=bool)
     beyond = np.zeros(len(speeds_kmh), dtype=bool)
@@ -66,14 +68,16 @@ def _within(speeds_kmh: Real, worst: Passages, limits: Sequence[Limit]) -> tuple
     return upto_within, beyond
 
 
-def _bands(speeds_kmh: Real, inside: NDArray[np.bool_]) -> tuple[SpeedBand, ...]:
+def _bands(speeds_kmh: FloatArray, inside: NDArray[np.bool_]) -> tuple[SpeedBand, ...]:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]))).reshape(-1, 2)
     return tuple(
         SpeedBand(from_kmh=float(speeds_kmh[first]), to_kmh=float(speeds_kmh[last - 1])) for first, last in edges
     )
 
 
-def _restrictions(speeds_kmh: Real, peak_n: Real, upto_within: NDArray[np.bool_]) -> tuple[Restriction, ...]:
+def _restrictions(
+    speeds_kmh: FloatArray, peak_n: FloatArray, upto_within: NDArray[np.bool_]
+) -> tuple[Restriction, ...]:
     """The highest speed, then every step below it; each at the nearest computed speed that is not above it."""
     top = float(speeds_kmh[-1])
     below = np.arange(np.ceil(top / RESTRICTION_STEP_KMH) - 1, 0, -1) * RESTRICTION_STEP_KMH
@@ -89,7 +93,7 @@ def _restrictions(speeds_kmh: Real, peak_n: Real, upto_within: NDArray[np.bool_]
     )
 
 
-def _shape(speeds_kmh: Real, peak_n: Real) -> tuple[tuple[float, ...], tuple[HollowBand, ...]]:
+def _shape(speeds_kmh: FloatArray, peak_n: FloatArray) -> tuple[tuple[float, ...], tuple[HollowBand, ...]]:
     if len(speeds_kmh) < 3:
         return (), ()
     features = curve_features(speeds_kmh, peak_n)
@@ -100,7 +104,7 @@ def _shape(speeds_kmh: Real, peak_n: Real) -> tuple[tuple[float, ...], tuple[Hol
     return tuple(maximum.speed_kmh for maximum in features.maxima), tuple(hollows)
 
 
-def _on_permitted(permitted_kmh: float | None, speeds_kmh: Real) -> str:
+def _on_permitted(permitted_kmh: float | None, speeds_kmh: FloatArray) -> str:
     first, top = float(speeds_kmh[0]), float(speeds_kmh[-1])
     if permitted_kmh is None:
         return f"forces are over the limit at {first:g} km/h already, the lowest speed computed"

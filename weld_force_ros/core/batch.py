@@ -18,8 +18,8 @@ from weld_force_ros.core import _kernel
 from weld_force_ros.core._vector import LANES, SPEEDS
 from weld_force_ros.core.lowpass import ORDER, LowPass, greatest, low_pass
 from weld_force_ros.core.rolling import Roller, Rolling
-from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import RESAMPLED_STEP_M, Trajectory
+from weld_force_ros.physics.arrays import FloatArray
 
 ECHO_S = 0.0125
 RUN_OUT_S = 0.3
@@ -44,10 +44,10 @@ class Approaches:
 
     starts: Steps
     ends: Steps
-    irregularity_m: Real
+    irregularity_m: FloatArray
 
 
-def approaches(roller: Roller, trajectories: Sequence[Trajectory], positions_m: Real, stride: int) -> Approaches:
+def approaches(roller: Roller, trajectories: Sequence[Trajectory], positions_m: FloatArray, stride: int) -> Approaches:
     """Where the passages over welds, each at `positions_m` (n_position,), begin and end, and what they roll over."""
     each = [_approach(roller, trajectory, positions_m, stride) for trajectory in trajectories]
     longest = max(one.irregularity_m.shape[1] for one in each)
@@ -61,7 +61,7 @@ def approaches(roller: Roller, trajectories: Sequence[Trajectory], positions_m: 
     )
 
 
-def _approach(roller: Roller, trajectory: Trajectory, positions_m: Real, stride: int) -> Approaches:
+def _approach(roller: Roller, trajectory: Trajectory, positions_m: FloatArray, stride: int) -> Approaches:
     first_m, last_m = trajectory.uneven_m
     starts = np.array([roller.start(position + first_m) for position in positions_m])
     step_m = stride * roller.grid_m
@@ -78,7 +78,7 @@ class Batch(Protocol):
 
     def peaks(
         self, places: Approaches, asked: Asked, pool: Executor, threads: int, cutoffs_hz: tuple[float, ...] = ()
-    ) -> Real:
+    ) -> FloatArray:
         """Passages that are asked for.
 
         Args:
@@ -95,7 +95,7 @@ class Batch(Protocol):
         """
 
 
-def make_batch(roller: Roller, speeds_kmh: Real, stride: int, pool: Executor) -> Batch:
+def make_batch(roller: Roller, speeds_kmh: FloatArray, stride: int, pool: Executor) -> Batch:
     """Tables for some speeds.
 
     Raises:
@@ -139,7 +139,7 @@ class _SideBySide:
 
     def peaks(
         self, places: Approaches, asked: Asked, pool: Executor, threads: int, cutoffs_hz: tuple[float, ...] = ()
-    ) -> Real:
+    ) -> FloatArray:
         """See `Batch`."""
         filters, lanes = self._filters(cutoffs_hz)
         companies, pairs = self._paired(asked)
@@ -167,7 +167,7 @@ class _SideBySide:
         companies: NDArray[np.intp],
         pairs: NDArray[np.intp],
         share: NDArray[np.intp],
-    ) -> Real:
+    ) -> FloatArray:
         """(n_share, 2, SPEEDS, n_column)."""
         companies, pairs = companies[share], pairs[share]
         starts = places.starts[pairs]
@@ -193,7 +193,7 @@ class _OneByOne:
 
     def peaks(
         self, places: Approaches, asked: Asked, pool: Executor, threads: int, cutoffs_hz: tuple[float, ...] = ()
-    ) -> Real:
+    ) -> FloatArray:
         """See `Batch`."""
         filters = self._filters(cutoffs_hz)
         found = np.zeros((*asked.shape, _columns(filters)))
@@ -204,7 +204,7 @@ class _OneByOne:
             found[row, own] = results
         return _ended(filters, places.starts // self._speeds[0].rolling.stride, found)
 
-    def _roll(self, places: Approaches, filters: LowPass, row: int, columns: NDArray[np.intp]) -> Real:
+    def _roll(self, places: Approaches, filters: LowPass, row: int, columns: NDArray[np.intp]) -> FloatArray:
         speed, starts = self._speeds[row], places.starts[columns]
         rolling, step = speed.rolling, speed.rolling.step
         results = np.empty((len(columns), _columns(filters)))
@@ -225,11 +225,11 @@ def _negligible_n(roller: Roller) -> float:
 class _FilterLanes(NamedTuple):
     """Filters as `peaks_in_lanes` takes them."""
 
-    decay: Real
-    shapes: Real
-    gains: Real
-    smooth_n: Real
-    floors_n: Real
+    decay: FloatArray
+    shapes: FloatArray
+    gains: FloatArray
+    smooth_n: FloatArray
+    floors_n: FloatArray
 
 
 def _columns(filters: LowPass) -> int:
@@ -256,7 +256,7 @@ def _filters_and_lanes(
     return filters, lanes
 
 
-def _ended(filters: LowPass, starts: Steps, found: Real) -> Real:
+def _ended(filters: LowPass, starts: Steps, found: FloatArray) -> FloatArray:
     """Results as of `Batch.peaks` from those of the kernel, (n_speed, n_place, n_column)."""
     shown = _UNFILTERED + filters.gains.shape[1]
     if shown > _UNFILTERED:

@@ -12,7 +12,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from weld_force_ros.core import track as tracks
-from weld_force_ros.core.track import Complex, Real, StripRail, Track
+from weld_force_ros.core.track import StripRail, Track
+from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 
 _STEP_HZ = 1.0
 _EVERY = 4
@@ -32,11 +33,11 @@ class Acausal:
     """
 
     energy_share: float
-    frequency_hz: Real
-    exact: Complex
-    causal: Complex
+    frequency_hz: FloatArray
+    exact: ComplexArray
+    causal: ComplexArray
 
-    def floor(self, contact_compliance: Callable[[Real], Complex], band_hz: tuple[float, float]) -> float:
+    def floor(self, contact_compliance: Callable[[FloatArray], ComplexArray], band_hz: tuple[float, float]) -> float:
         """RMS over a band of |causal - exact| / |exact + c|: the error floor of models in time, about.
 
         Not a strict bound: a model may distribute the same error otherwise over frequency.
@@ -48,7 +49,7 @@ class Acausal:
         return float(np.sqrt(np.sum(weight * np.abs((self.causal - self.exact) / seen) ** 2) / np.sum(weight)))
 
 
-def _receptance(track: Track, frequency: Real, at_m: float) -> Complex:
+def _receptance(track: Track, frequency: FloatArray, at_m: float) -> ComplexArray:
     """Point receptance (n,); of a rail by strips, which takes milliseconds a frequency, between every few of them."""
     if not isinstance(track.rail, StripRail):
         return np.asarray(tracks.receptance(track, frequency, at_m)[0])

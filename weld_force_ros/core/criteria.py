@@ -8,10 +8,10 @@ import numpy as np
 from msgspec import UnsetType
 from numpy.typing import NDArray
 
-from weld_force_ros.contract import Limit, NormPoint, ProfileMeasures
 from weld_force_ros.core.geometry import NORM_MRAD
-from weld_force_ros.core.track import Real
 from weld_force_ros.errors import InputError
+from weld_force_ros.messages import Limit, NormPoint, ProfileMeasures
+from weld_force_ros.physics.arrays import FloatArray
 
 
 class Rolled(Protocol):
@@ -38,11 +38,11 @@ class Passages:
     """
 
     static_n: float
-    peak_n: Real
-    min_n: Real
-    contact_loss_s: Real
-    p2_n: Real | None
-    below_20hz_n: Real | None
+    peak_n: FloatArray
+    min_n: FloatArray
+    contact_loss_s: FloatArray
+    p2_n: FloatArray | None
+    below_20hz_n: FloatArray | None
 
 
 def passages(rolled: Rolled, static_n: float, shape: tuple[int, ...], part: Any = ...) -> Passages:
@@ -55,7 +55,7 @@ def passages(rolled: Rolled, static_n: float, shape: tuple[int, ...], part: Any 
         part: index that picks those that count.
     """
 
-    def column(values: list[float]) -> Real:
+    def column(values: list[float]) -> FloatArray:
         return np.asarray(np.array(values).reshape(shape)[part])
 
     return Passages(
@@ -68,7 +68,7 @@ def passages(rolled: Rolled, static_n: float, shape: tuple[int, ...], part: Any 
     )
 
 
-FORCE_CRITERIA: Mapping[str, Callable[[Passages], Real | None]] = {
+FORCE_CRITERIA: Mapping[str, Callable[[Passages], FloatArray | None]] = {
     "peak_force": lambda p: p.peak_n,
     "p2_force": lambda p: p.p2_n,
     "force_20hz": lambda p: p.below_20hz_n,
@@ -119,7 +119,7 @@ def applies(limit: Limit, line_kmh: float) -> bool:
     return bool(in_force(limit, np.array(line_kmh)))
 
 
-def in_force(limit: Limit, lines_kmh: Real) -> NDArray[np.bool_]:
+def in_force(limit: Limit, lines_kmh: FloatArray) -> NDArray[np.bool_]:
     """Whether a limit holds on lines of some speeds."""
     above = 0.0 if isinstance(limit.above_kmh, UnsetType) else limit.above_kmh
     upto = np.inf if isinstance(limit.to_kmh, UnsetType) else limit.to_kmh
@@ -132,8 +132,8 @@ def decides(limit: Limit) -> bool:
 
 
 def held_values(
-    speeds_kmh: Real, at: Passages, limits: Sequence[Limit]
-) -> Iterator[tuple[Limit, NDArray[np.bool_], Real]]:
+    speeds_kmh: FloatArray, at: Passages, limits: Sequence[Limit]
+) -> Iterator[tuple[Limit, NDArray[np.bool_], FloatArray]]:
     """Deciding limits of force, whether each holds on lines of some speeds, and its criterion's values there."""
     for limit in limits:
         values = FORCE_CRITERIA[limit.name](at) if decides(limit) and limit.name in FORCE_CRITERIA else None

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.signal import find_peaks
 
 from weld_force_ros.core.peaks import vertex
-from weld_force_ros.core.track import Real
 from weld_force_ros.errors import InputError
+from weld_force_ros.physics.arrays import FloatArray
 
 NEGLIGIBLE = 0.005  # of the largest less the smallest force
 _LEVEL = 1e-9  # of the force: a curve that varies less is constant
@@ -87,7 +87,7 @@ class SurfaceFeatures:
     best_by_maximum_m: float
     worst_by_mean_m: float
     worst_by_maximum_m: float
-    sensitivity: Real
+    sensitivity: FloatArray
 
 
 def curve_features(
@@ -200,7 +200,7 @@ def surface_features(
     )
 
 
-def _checked(speeds_kmh: ArrayLike, values: ArrayLike) -> tuple[Real, Real]:
+def _checked(speeds_kmh: ArrayLike, values: ArrayLike) -> tuple[FloatArray, FloatArray]:
     speeds, array = np.asarray(speeds_kmh, dtype=np.float64), np.asarray(values, dtype=np.float64)
     if speeds.ndim != 1 or len(speeds) < 3 or speeds.shape != array.shape or np.any(np.diff(speeds) <= 0):
         raise InputError(
@@ -210,20 +210,20 @@ def _checked(speeds_kmh: ArrayLike, values: ArrayLike) -> tuple[Real, Real]:
     return speeds, array
 
 
-def _maxima(speeds: Real, force: Real, prominence_n: float) -> list[Extremum]:
+def _maxima(speeds: FloatArray, force: FloatArray, prominence_n: float) -> list[Extremum]:
     # A constant has no extremum, though a prominence of zero would find one.
     found = find_peaks(force, prominence=prominence_n)[0] if prominence_n > 0 else []
     return [Extremum(*vertex(speeds, force, int(index))) for index in found]
 
 
-def _falls(force: Real, negligible_n: float) -> list[slice]:
+def _falls(force: FloatArray, negligible_n: float) -> list[slice]:
     """Runs of samples below an earlier one, by more than is negligible at their deepest."""
     below = np.maximum.accumulate(force) - force
     edges = np.flatnonzero(np.diff(np.concatenate([[False], below > 0, [False]])))
     return [slice(a, b) for a, b in edges.reshape(-1, 2).tolist() if below[a:b].max() > negligible_n]
 
 
-def _hollow(speeds: Real, force: Real, run: slice) -> Hollow:
+def _hollow(speeds: FloatArray, force: FloatArray, run: slice) -> Hollow:
     from_kmh, summit_n = vertex(speeds, force, run.start - 1)
     lowest_kmh, lowest_n = vertex(speeds, force, run.start + int(np.argmin(force[run])))
     to_kmh = float(speeds[-1])
@@ -233,7 +233,7 @@ def _hollow(speeds: Real, force: Real, run: slice) -> Hollow:
     return Hollow(from_kmh, lowest_kmh, to_kmh, summit_n - lowest_n)
 
 
-def _crossing(old_kmh: Real, old_n: Real, new_kmh: Real, new_n: Real) -> float | None:
+def _crossing(old_kmh: FloatArray, old_n: FloatArray, new_kmh: FloatArray, new_n: FloatArray) -> float | None:
     """Where the line that ends one branch meets the line that begins the next, between the two; None if they cannot.
 
     The larger of two forces turns upward where they cross. A branch of one speed has no line: half way, then.
@@ -249,13 +249,13 @@ def _crossing(old_kmh: Real, old_n: Real, new_kmh: Real, new_n: Real) -> float |
     return float(np.clip(last + lead / (new_rise - old_rise), last, first))
 
 
-def _mean_over(speeds: Real, force: Real) -> Real:
+def _mean_over(speeds: FloatArray, force: FloatArray) -> FloatArray:
     if len(speeds) == 1:
         return np.asarray(force[0])
     return np.asarray(np.trapezoid(force, speeds, axis=0) / (speeds[-1] - speeds[0]))
 
 
-def _surroundings(positions: Real, span_m: float) -> Real:
+def _surroundings(positions: FloatArray, span_m: float) -> FloatArray:
     """Length of span nearest to each position, round the span."""
     gaps = np.diff(np.concatenate([positions, [positions[0] + span_m]]))
     return np.asarray((gaps + np.roll(gaps, 1)) / 2)

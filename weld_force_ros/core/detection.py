@@ -18,8 +18,8 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import find_peaks
 from scipy.stats import norm
 
-from weld_force_ros.core.track import Real
 from weld_force_ros.errors import InputError
+from weld_force_ros.physics.arrays import FloatArray
 
 SHORTEST_M, LONGEST_M = 0.05, 0.6
 THRESHOLD = 5.0
@@ -73,23 +73,23 @@ def detect(x_m: ArrayLike, z_m: ArrayLike) -> list[Found]:
     return [Found(_centre_m(grid, score, int(peak)), float(score[peak])) for peak in peaks]
 
 
-def scores(grid_m: Real, z_m: Real) -> Real:
+def scores(grid_m: FloatArray, z_m: FloatArray) -> FloatArray:
     """How much each place of a grid stands out, in standard deviations, (n,)."""
-    standing_out: Real = np.max([_standing_out(grid_m, z_m, float(sigma_m)) for sigma_m in _SIGMAS_M], axis=0)
+    standing_out: FloatArray = np.max([_standing_out(grid_m, z_m, float(sigma_m)) for sigma_m in _SIGMAS_M], axis=0)
     return standing_out
 
 
-def _standing_out(grid_m: Real, z_m: Real, sigma_m: float) -> Real:
+def _standing_out(grid_m: FloatArray, z_m: FloatArray, sigma_m: float) -> FloatArray:
     sigma = sigma_m / _GRID_M
     fourth = np.convolve(z_m, _FOURTH_DIFFERENCE, mode="same")
     answer = sigma**4 * np.abs(gaussian_filter1d(fourth, sigma, truncate=_TRUNCATED))
     edge = int(np.ceil(_TRUNCATED * sigma)) + len(_FOURTH_DIFFERENCE) // 2
     answer[:edge] = answer[len(answer) - edge :] = 0.0  # what is not measured is not level
-    standing_out: Real = answer / _running_level(grid_m, answer, edge)
+    standing_out: FloatArray = answer / _running_level(grid_m, answer, edge)
     return standing_out
 
 
-def _running_level(grid_m: Real, answer: Real, edge: int) -> Real:
+def _running_level(grid_m: FloatArray, answer: FloatArray, edge: int) -> FloatArray:
     """Standard deviation of answers over the metres before each place, (n,), steady from hop to hop."""
     hop = np.floor(grid_m / _HOP_M + 1e-6).astype(np.int64)
     running = round(RUNNING_M / _GRID_M)
@@ -97,11 +97,11 @@ def _running_level(grid_m: Real, answer: Real, edge: int) -> Real:
     for begin in np.flatnonzero(np.diff(hop, prepend=hop[0] - 1)).tolist():
         last = min(max(begin, running + edge), len(answer) - edge)
         levels.append(np.median(answer[max(last - running, edge) : last]) / _MEDIAN_SIZE)
-    level: Real = np.maximum(levels, _LEAST_LEVEL_M)[hop - hop[0]]
+    level: FloatArray = np.maximum(levels, _LEAST_LEVEL_M)[hop - hop[0]]
     return level
 
 
-def _centre_m(grid_m: Real, score: Real, peak: int) -> float:
+def _centre_m(grid_m: FloatArray, score: FloatArray, peak: int) -> float:
     """Middle of what stands out at least half as much as the peak, within half the least distance."""
     half = round(APART_M / 2 / _GRID_M)
     near = slice(max(peak - half, 0), peak + half + 1)
@@ -109,7 +109,7 @@ def _centre_m(grid_m: Real, score: Real, peak: int) -> float:
     return float(np.average(grid_m[near], weights=weight))
 
 
-def _checked(x_m: ArrayLike, z_m: ArrayLike) -> tuple[Real, Real]:
+def _checked(x_m: ArrayLike, z_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
     x, z = np.asarray(x_m, dtype=np.float64), np.asarray(z_m, dtype=np.float64)
     steps = np.diff(x) if x.ndim == 1 else np.array([np.nan])
     shaped = x.ndim == 1 and x.shape == z.shape and bool(np.all(np.isfinite(z)))

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from weld_force_ros.core import _kernel
-from weld_force_ros.core.track import Real
 from weld_force_ros.errors import InputError
+from weld_force_ros.physics.arrays import FloatArray
 
 MUCH_LARGER = 2.0
 
@@ -146,7 +146,7 @@ def straightedge_gap(x_m: ArrayLike, z_m: ArrayLike) -> float:
     return float(_kernel.straightedge_gap(np.interp(grid, x, z), round(STRAIGHTEDGE_M / _SAMPLING_M)))
 
 
-def _checked(x_m: ArrayLike, z_m: ArrayLike) -> tuple[Real, Real]:
+def _checked(x_m: ArrayLike, z_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
     x, z = np.asarray(x_m, dtype=np.float64), np.asarray(z_m, dtype=np.float64)
     if x.ndim != 1 or x.shape != z.shape or len(x) < 2 or np.any(np.diff(x) <= 0):
         raise InputError(
@@ -156,7 +156,7 @@ def _checked(x_m: ArrayLike, z_m: ArrayLike) -> tuple[Real, Real]:
     return x, z
 
 
-def _deepest_water(z: Real) -> float:
+def _deepest_water(z: FloatArray) -> float:
     """Depth of the deepest basin between smooth rail at level 0 on either side."""
     shores = np.concatenate([[0.0], z, [0.0]])
     behind = np.maximum.accumulate(shores)

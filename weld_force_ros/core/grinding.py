@@ -21,9 +21,9 @@ from scipy.interpolate import BSpline
 from scipy.ndimage import grey_closing
 from scipy.optimize import linprog, nnls
 
-from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import RESAMPLED_STEP_M, joined
 from weld_force_ros.errors import InputError
+from weld_force_ros.physics.arrays import FloatArray
 
 KNOTS_PER_WAVE = 4 / 3
 MARGIN = 1e-3  # of a limit: twice what the forces are computed to
@@ -38,10 +38,10 @@ _STANDING = 500
 _CURVATURES_PER_M = (0.025, 0.0016)  # of hollows to begin with: as 0.3 mm over 0.5 m has them, and far gentler
 _PENALTY = 10.0  # of an excess of 1, in removals of everything
 
-Profile: TypeAlias = tuple[Real, Real]
+Profile: TypeAlias = tuple[FloatArray, FloatArray]
 """Positions and heights, positive up, each (n,)."""
 
-Excess: TypeAlias = Callable[[Sequence[Profile]], Real]
+Excess: TypeAlias = Callable[[Sequence[Profile]], FloatArray]
 """Of many profiles at once: (n_profile, n_constraint), value over limit less 1; within limits if none is positive."""
 
 
@@ -79,11 +79,11 @@ class Removal:
         coefficients_m: (n_spline,), what a further search begins with.
     """
 
-    x_m: Real
-    z_m: Real
-    removal_m: Real
-    excess: Real
-    coefficients_m: Real
+    x_m: FloatArray
+    z_m: FloatArray
+    removal_m: FloatArray
+    excess: FloatArray
+    coefficients_m: FloatArray
 
     @property
     def reached(self) -> bool:
@@ -91,7 +91,7 @@ class Removal:
         return bool(self.excess.max() <= 0)
 
     @property
-    def ground_m(self) -> Real:
+    def ground_m(self) -> FloatArray:
         """Heights after."""
         return self.z_m - self.removal_m
 
@@ -102,8 +102,8 @@ class Removal:
 
 
 def least_removal(
-    x_m: Real,
-    z_m: Real,
+    x_m: FloatArray,
+    z_m: FloatArray,
     excess: Excess,
     grinder: Grinder | None = None,
     *,
@@ -137,9 +137,9 @@ def least_removal(
 class _Point:
     """A removal with what it costs: in coefficients of the greatest depth, an excess weighing more than all of them."""
 
-    shares: Real
-    removal_m: Real
-    excess: Real
+    shares: FloatArray
+    removal_m: FloatArray
+    excess: FloatArray
     merit: float
 
     @property
@@ -154,7 +154,7 @@ def _merit(point: _Point) -> float:
 class _Search:
     """A profile and what can be taken off it; coefficients are shares of the greatest depth."""
 
-    def __init__(self, x_m: Real, z_m: Real, excess: Excess, grinder: Grinder) -> None:
+    def __init__(self, x_m: FloatArray, z_m: FloatArray, excess: Excess, grinder: Grinder) -> None:
         self.grinder, self._excess = grinder, excess
         self.x_m, self.z_m = extended(x_m, z_m, grinder.reach_m)
         self.knots_m = grinder.band_limit_m / KNOTS_PER_WAVE
@@ -165,7 +165,7 @@ class _Search:
             )
         self._penalty = _PENALTY * self.splines.shape[1]
 
-    def at(self, coefficients_m: Sequence[Real]) -> list[_Point]:
+    def at(self, coefficients_m: Sequence[FloatArray]) -> list[_Point]:
         """What removals really come to."""
         most = self.grinder.most_m
         removals = [self._ground(self.splines @ c) for c in coefficients_m]
@@ -175,12 +175,12 @@ class _Search:
             for c, removal, excess in zip(coefficients_m, removals, excesses, strict=True)
         ]
 
-    def _ground(self, wanted_m: Real) -> Real:
+    def _ground(self, wanted_m: FloatArray) -> FloatArray:
         """The removal after the stone has run over what was wanted."""
         ground = closed(self.x_m, self.z_m - wanted_m, self.grinder.stone_radius_m)
         return np.where(wanted_m > 0, np.maximum(self.z_m - ground, 0.0), 0.0)
 
-    def _point(self, shares: Real, removal_m: Real, excess: Real) -> _Point:
+    def _point(self, shares: FloatArray, removal_m: FloatArray, excess: FloatArray) -> _Point:
         area = np.trapezoid(removal_m, self.x_m) / (self.knots_m * self.grinder.most_m)
         return _Point(shares, removal_m, excess, float(area + self._penalty * max(0.0, excess.max() + MARGIN)))
 
@@ -188,7 +188,7 @@ class _Search:
         coefficients = point.shares * self.grinder.most_m
         return Removal(self.x_m, self.z_m, point.removal_m, point.excess, coefficients)
 
-    def gentle(self) -> list[Real]:
+    def gentle(self) -> list[FloatArray]:
         """Coefficients (n_spline,) that take off about what stands above its surroundings, or that soften hollows.
 
         A hollow is softened to a curvature by the lower envelope of parabolas that stand on the surface.
@@ -225,13 +225,13 @@ class _Search:
                 break
         return here
 
-    def _slopes(self, here: _Point) -> Real:
+    def _slopes(self, here: _Point) -> FloatArray:
         """(n_constraint, n_spline), what each coefficient does to each constraint."""
         most = self.grinder.most_m
         probes = self.at([most * here.shares + _PROBE_M * unit for unit in np.eye(len(here.shares))])
         return np.stack([probe.excess - here.excess for probe in probes], axis=1) * (most / _PROBE_M)
 
-    def _proposed(self, here: _Point, slopes: Real, region: float) -> Real:
+    def _proposed(self, here: _Point, slopes: FloatArray, region: float) -> FloatArray:
         """Coefficients (n_spline,) within the region that are best if constraints are linear."""
         shares = here.shares
         can_exceed = here.excess + MARGIN + region * np.abs(slopes).sum(axis=1) > 0
@@ -245,7 +245,7 @@ class _Search:
         return np.asarray(solved.x[:-1])
 
 
-def extended(x_m: Real, z_m: Real, reach_m: float) -> Profile:
+def extended(x_m: FloatArray, z_m: FloatArray, reach_m: float) -> Profile:
     """A profile with what the simulation takes the rail to be within reach of its ends: joined, then level."""
     x, z, _ = joined(np.asarray(x_m, dtype=np.float64), np.asarray(z_m, dtype=np.float64))
     spacing = float(np.median(np.diff(x_m)))
@@ -254,7 +254,7 @@ def extended(x_m: Real, z_m: Real, reach_m: float) -> Profile:
     return np.concatenate([before, x, behind]), np.concatenate([np.zeros(len(before)), z, np.zeros(len(behind))])
 
 
-def splines(x_m: Real, first_m: float, last_m: float, knots_m: float) -> Real:
+def splines(x_m: FloatArray, first_m: float, last_m: float, knots_m: float) -> FloatArray:
     """Cubic B-splines at `x_m`, (n, n_spline): all of sum 1 that lie between two places, centred between them."""
     count = max(0, int((last_m - first_m) / knots_m + 1e-9) - 3)
     begin = (first_m + last_m - (count + 3) * knots_m) / 2
@@ -262,7 +262,7 @@ def splines(x_m: Real, first_m: float, last_m: float, knots_m: float) -> Real:
     return np.asarray(np.nan_to_num(one((x_m[:, None] - begin) / knots_m - np.arange(count))))
 
 
-def _softened(x_m: Real, z_m: Real, curvature_per_m: float) -> Real:
+def _softened(x_m: FloatArray, z_m: FloatArray, curvature_per_m: float) -> FloatArray:
     """Lower envelope, (n,), of parabolas that stand on the surface (n,)."""
     at = np.linspace(x_m[0], x_m[-1], _STANDING)
     squares = (at[:, None] - at) ** 2 / 2
@@ -270,7 +270,7 @@ def _softened(x_m: Real, z_m: Real, curvature_per_m: float) -> Real:
     return np.asarray(np.minimum(np.interp(x_m, at, lower), z_m))
 
 
-def closed(x_m: Real, z_m: Real, radius_m: float) -> Real:
+def closed(x_m: FloatArray, z_m: FloatArray, radius_m: float) -> FloatArray:
     """A surface (n,) as a circle leaves it that rolls over it from above: hollows that it cannot reach are bridged."""
     slopes = np.diff(z_m) / np.diff(x_m)
     if np.all(np.diff(slopes) <= (x_m[2:] - x_m[:-2]) / (2 * radius_m)):

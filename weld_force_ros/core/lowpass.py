@@ -25,7 +25,7 @@ from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from weld_force_ros.core.propagation import first_order_hold
 from weld_force_ros.core.rolling import Rolling
-from weld_force_ros.core.track import Complex, Real
+from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 
 WHEELSET_HZ = 57.0  # its lowest resonance on the track
 BETWEEN_RESONANCES_HZ = 120.0  # that one and the next, some 250 Hz
@@ -52,14 +52,14 @@ class LowPass(NamedTuple):
         steps: (n_speed, n_filter, n_time), when that is, in steps after the end.
     """
 
-    decay: Real
-    shapes: Real
-    gains: Real
-    smooth_n: Real
-    smooth_greatest_n: Real
-    floors_n: Real
-    smooth_wheel: Real
-    later: Real
+    decay: FloatArray
+    shapes: FloatArray
+    gains: FloatArray
+    smooth_n: FloatArray
+    smooth_greatest_n: FloatArray
+    floors_n: FloatArray
+    smooth_wheel: FloatArray
+    later: FloatArray
     steps: NDArray[np.int64]
 
 
@@ -88,7 +88,7 @@ def low_pass(rollings: Sequence[Rolling], mass_kg: float, cutoffs_hz: tuple[floa
     )
 
 
-def greatest(filters: LowPass, seen_n: Real, ends: NDArray[np.int64], endings: Real) -> Real:
+def greatest(filters: LowPass, seen_n: FloatArray, ends: NDArray[np.int64], endings: FloatArray) -> FloatArray:
     """Greatest low-passed force of passages, during them or later, and never less than on smooth rail.
 
     Args:
@@ -110,13 +110,13 @@ def greatest(filters: LowPass, seen_n: Real, ends: NDArray[np.int64], endings: R
     return np.asarray(np.maximum(np.maximum(seen_n, later.max(axis=3)), filters.smooth_greatest_n[:, None]))
 
 
-def low_passed(force_n: Real, dt_s: float) -> Real:
+def low_passed(force_n: FloatArray, dt_s: float) -> FloatArray:
     """A force history (n,) that begins at rest, through each filter: (n_filter, n)."""
     sections = [butter(ORDER, cutoff, fs=1 / dt_s, output="sos") for cutoff in CUTOFFS_HZ]
     return np.stack([sosfilt(sos, force_n, zi=force_n[0] * sosfilt_zi(sos))[0] for sos in sections])
 
 
-def _modes(cutoffs_hz: tuple[float, ...]) -> tuple[Complex, Complex]:
+def _modes(cutoffs_hz: tuple[float, ...]) -> tuple[ComplexArray, ComplexArray]:
     """Poles in the upper half plane and their residues, each (n_filter, ORDER // 2)."""
     poles, residues = np.empty((2, len(cutoffs_hz), ORDER // 2), dtype=np.complex128)
     for row, cutoff in enumerate(cutoffs_hz):
@@ -126,7 +126,7 @@ def _modes(cutoffs_hz: tuple[float, ...]) -> tuple[Complex, Complex]:
     return poles, residues
 
 
-def _periodic(decay: Complex, shapes: Complex, gains: Real, force_n: Real) -> Real:
+def _periodic(decay: ComplexArray, shapes: ComplexArray, gains: FloatArray, force_n: FloatArray) -> FloatArray:
     """Response (n_speed, n_filter, n_grid) to forces (n_speed, n_grid) that repeat: exactly, harmonic by harmonic."""
     count = force_n.shape[1]
     z = np.exp(2j * np.pi * np.arange(count // 2 + 1) / count)
@@ -135,7 +135,7 @@ def _periodic(decay: Complex, shapes: Complex, gains: Real, force_n: Real) -> Re
     return np.fft.irfft((gains[..., None] + 0.5 * pairs.sum(axis=2)) * harmonics, count)
 
 
-def _of_states(turn: Complex, swing: Complex) -> Real:
+def _of_states(turn: ComplexArray, swing: ComplexArray) -> FloatArray:
     """Departure per state u, (n_speed, ORDER n_filter, n_filter, n_time); `swing` is 2 r e^(p t)."""
     speeds, kinds, _, times = swing.shape
     turned = turn[..., None] * swing
@@ -145,11 +145,11 @@ def _of_states(turn: Complex, swing: Complex) -> Real:
     return found.reshape(speeds, ORDER * kinds, kinds, times)
 
 
-def _of_wheel(poles: Complex, new: Complex, mass_kg: float, swing: Complex) -> Real:
+def _of_wheel(poles: ComplexArray, new: ComplexArray, mass_kg: float, swing: ComplexArray) -> FloatArray:
     """Departure per displacement, velocity and force of the wheel, (n_speed, 3, n_filter, n_time)."""
     parts = [mass_kg * poles[..., None] * swing, mass_kg * swing, new[..., None] * swing]
     return np.stack([part.real.sum(axis=2) for part in parts], axis=1)
 
 
-def _parts(values: Complex) -> Real:
+def _parts(values: ComplexArray) -> FloatArray:
     return np.stack([values.real, values.imag], axis=1)

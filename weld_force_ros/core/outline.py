@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from weld_force_ros.core.arrays import Real
 from weld_force_ros.errors import InputError
+from weld_force_ros.physics.arrays import FloatArray
 
 _SAMPLE_M = 2e-5
 
@@ -57,7 +57,7 @@ class Outline:
             lower fillet of the web, foot's upper and lower corner.
     """
 
-    points_m: Real
+    points_m: FloatArray
     corners: tuple[int, ...]
 
     @property
@@ -115,7 +115,7 @@ class _Line:
         self.direction = np.array([np.cos(heading_rad), np.sin(heading_rad)])
 
 
-def _crown(d: Dimensions, side: float, wear_m: float) -> Real:
+def _crown(d: Dimensions, side: float, wear_m: float) -> FloatArray:
     reaches = [0.0]
     for radius_m, half_width_m in d.crown[:-1]:
         reaches.append(np.nan if half_width_m is None else half_width_m)
@@ -137,7 +137,7 @@ def _crown(d: Dimensions, side: float, wear_m: float) -> Real:
     return np.asarray(new * widened + np.array([0.0, d.height_m - wear_m]))
 
 
-def _fillet(before: _Line, after: _Line, arcs: Sequence[tuple[float, float | None]]) -> Real:
+def _fillet(before: _Line, after: _Line, arcs: Sequence[tuple[float, float | None]]) -> FloatArray:
     """Points of a chain of arcs that leads from one line into the next."""
     turn = after.heading_rad - before.heading_rad
     sign, given = np.sign(turn), sum(own for _, own in arcs if own is not None)
@@ -152,7 +152,7 @@ def _fillet(before: _Line, after: _Line, arcs: Sequence[tuple[float, float | Non
     return chain + before.through + along * before.direction
 
 
-def _arcs(start: Real, heading: float, arcs: Iterable[tuple[float, float]]) -> Real:
+def _arcs(start: FloatArray, heading: float, arcs: Iterable[tuple[float, float]]) -> FloatArray:
     """Points of arcs that follow each other: of each its radius, and what it turns by."""
     points = [start[None]]
     for radius_m, turn in arcs:
@@ -163,16 +163,16 @@ def _arcs(start: Real, heading: float, arcs: Iterable[tuple[float, float]]) -> R
     return np.concatenate(points)
 
 
-def _straight(begin: Real, end: Real) -> Real:
+def _straight(begin: FloatArray, end: FloatArray) -> FloatArray:
     """Points between two others."""
     count = max(2, int(np.hypot(*(end - begin)) / _SAMPLE_M))
     return (begin + np.linspace(0.0, 1.0, count + 1)[1:-1, None] * (end - begin)).reshape(-1, 2)
 
 
-def _headings(points: Real) -> Real:
+def _headings(points: FloatArray) -> FloatArray:
     steps = np.diff(points, axis=0)
     return np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
 
 
-def _cross(a: Real, b: Real) -> float:
+def _cross(a: FloatArray, b: FloatArray) -> float:
     return float(a[0] * b[1] - a[1] * b[0])

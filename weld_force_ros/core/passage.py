@@ -16,10 +16,10 @@ from weld_force_ros.core.batch import ECHO_S
 from weld_force_ros.core.propagation import StateModel
 from weld_force_ros.core.rolling import Roller
 from weld_force_ros.core.surface import TOLERANCE, Surface, SurfaceRoller, executor
-from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import Trajectory
 from weld_force_ros.core.wheel import Wheel
 from weld_force_ros.errors import InputError, NumericalError
+from weld_force_ros.physics.arrays import FloatArray
 
 _MOST_REMEMBERED = 64  # speeds, half a megabyte each
 _TOGETHER = 8  # welds
@@ -29,11 +29,11 @@ _TOGETHER = 8  # welds
 class History:
     """One passage, each (n,): x from the sleeper before the weld, displacements positive up."""
 
-    x_m: Real
-    force_n: Real
-    wheel_m: Real
-    rail_m: Real
-    irregularity_m: Real
+    x_m: FloatArray
+    force_n: FloatArray
+    wheel_m: FloatArray
+    rail_m: FloatArray
+    irregularity_m: FloatArray
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,8 @@ class Start:
     x_m: float
     last_m: float
     dt_s: float
-    rail: Real
-    wheel: Real
+    rail: FloatArray
+    wheel: FloatArray
 
 
 class Rig:
@@ -174,7 +174,7 @@ def _some_at_a_time(trajectories: Iterable[Trajectory], threads: int) -> Iterato
         yield together
 
 
-def checked_speeds(values: ArrayLike) -> Real:
+def checked_speeds(values: ArrayLike) -> FloatArray:
     """Speeds in km/h as an array, or an InputError."""
     speeds = checked_axis("speed", values)
     if np.any(speeds <= 0):
@@ -182,7 +182,7 @@ def checked_speeds(values: ArrayLike) -> Real:
     return speeds
 
 
-def checked_axis(name: str, values: ArrayLike) -> Real:
+def checked_axis(name: str, values: ArrayLike) -> FloatArray:
     """One or more finite numbers as an array, or an InputError."""
     array = np.atleast_1d(np.asarray(values, dtype=np.float64))
     if array.size == 0 or not np.all(np.isfinite(array)):

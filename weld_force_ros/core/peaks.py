@@ -15,8 +15,8 @@ from scipy.optimize import linear_sum_assignment
 from scipy.signal import butter, find_peaks, sosfiltfilt
 
 from weld_force_ros.core.lowpass import BETWEEN_RESONANCES_HZ
-from weld_force_ros.core.track import Real
 from weld_force_ros.errors import InputError
+from weld_force_ros.physics.arrays import FloatArray
 
 P1_WITHIN_S = 5e-3
 P2_WITHIN_S = 20e-3  # a period of the wheelset on the track, some 57 Hz
@@ -34,9 +34,9 @@ class Peak:
 class Branch:
     """One peak at successive speeds, each (n,)."""
 
-    speeds_kmh: Real
-    x_m: Real
-    force_n: Real
+    speeds_kmh: FloatArray
+    x_m: FloatArray
+    force_n: FloatArray
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class ImpactForces:
     p2_s: float
 
 
-def vertex(x: Real, y: Real, index: int) -> tuple[float, float]:
+def vertex(x: FloatArray, y: FloatArray, index: int) -> tuple[float, float]:
     """Abscissa and ordinate of the parabola's vertex through three samples about an extremum; the sample at an end."""
     if not 0 < index < len(x) - 1:
         return float(x[index]), float(y[index])

@@ -22,8 +22,9 @@ from scipy.interpolate import CubicSpline
 
 from weld_force_ros.core import track as tracks
 from weld_force_ros.core.propagation import Propagation, first_order_hold
-from weld_force_ros.core.track import Complex, Real, Track
+from weld_force_ros.core.track import Track
 from weld_force_ros.errors import NumericalError
+from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 
 SECTIONS = 32
 BAND_HZ = (5.0, 2500.0)
@@ -49,11 +50,11 @@ class PoleModel:
         spacing_m: the span that residues repeat with.
     """
 
-    poles_rad_s: Complex
-    residues: Complex
-    section_m: Real
+    poles_rad_s: ComplexArray
+    residues: ComplexArray
+    section_m: FloatArray
     spacing_m: float
-    _grids: dict[bytes, tuple[Complex, Real]] = field(default_factory=dict, repr=False, compare=False)
+    _grids: dict[bytes, tuple[ComplexArray, FloatArray]] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def order(self) -> int:
@@ -61,22 +62,22 @@ class PoleModel:
         return int(np.sum(np.where(self.poles_rad_s.imag == 0, 1, 2)))
 
     @property
-    def pair_weight(self) -> Real:
+    def pair_weight(self) -> FloatArray:
         """2 for a pole that stands for a conjugate pair, 1 for a real one: z = sum_k weight_k Re(shape_k q_k)."""
         return np.where(self.poles_rad_s.imag == 0, 1.0, 2.0)
 
-    def residues_at(self, at_m: ArrayLike) -> Complex:
+    def residues_at(self, at_m: ArrayLike) -> ComplexArray:
         """Residues at any positions, (n_at, n): periodic cubic spline over the span."""
         return _periodic_spline(self.section_m, self.residues, self.spacing_m, at_m)
 
-    def shapes_at(self, at_m: ArrayLike) -> Complex:
+    def shapes_at(self, at_m: ArrayLike) -> ComplexArray:
         """sqrt(R_k), its sign continuous along the span, (n_at, n)."""
         fine = self.spacing_m * np.arange(_SHAPE_POINTS) / _SHAPE_POINTS
         residues = self.residues_at(fine)
         phase = np.unwrap(np.angle(residues), axis=0)
         return _periodic_spline(fine, np.sqrt(np.abs(residues)) * np.exp(0.5j * phase), self.spacing_m, at_m)
 
-    def propagation(self, at_m: Real, dt_s: float) -> Propagation:
+    def propagation(self, at_m: FloatArray, dt_s: float) -> Propagation:
         """A step of `dt_s` of the states q_k' = p_k q_k + shape_k f; see `weld_force_ros.core.propagation`."""
         decay, old, new = first_order_hold(self.poles_rad_s, dt_s)
         within = decay * new + old
@@ -92,7 +93,7 @@ class PoleModel:
             at_rest=_in_pairs(rest),
         )
 
-    def _on_grid(self, at_m: Real) -> tuple[Complex, Real]:
+    def _on_grid(self, at_m: FloatArray) -> tuple[ComplexArray, FloatArray]:
         """Shapes times the root of the pair's weight, plain and in pairs; remembered, as speeds share a few grids."""
         key = at_m.tobytes()
         if key not in self._grids:
@@ -100,7 +101,7 @@ class PoleModel:
             self._grids[key] = (shapes, _in_pairs(shapes))
         return self._grids[key]
 
-    def receptance(self, frequency_hz: ArrayLike, at_m: ArrayLike) -> Complex:
+    def receptance(self, frequency_hz: ArrayLike, at_m: ArrayLike) -> ComplexArray:
         """Fitted point receptance, m/N, (n_at, n_frequency)."""
         s = 2j * np.pi * np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
         residues = self.residues_at(at_m)
@@ -109,13 +110,13 @@ class PoleModel:
         mirrored = (paired * residues.conj()) @ (1 / (s - self.poles_rad_s.conj()[:, None]))
         return np.asarray(direct + mirrored)
 
-    def static_compliance(self, at_m: ArrayLike) -> Real:
+    def static_compliance(self, at_m: ArrayLike) -> FloatArray:
         """Deflection under a resting unit load, m/N, (n_at,)."""
         return np.asarray((self.residues_at(at_m) / -self.poles_rad_s).real @ self.pair_weight)
 
 
-def _periodic_spline(knots_m: Real, values: Complex, span_m: float, at_m: ArrayLike) -> Complex:
-    """Complex columns over one span, interpolated anywhere: (n_at, n)."""
+def _periodic_spline(knots_m: FloatArray, values: ComplexArray, span_m: float, at_m: ArrayLike) -> ComplexArray:
+    """ComplexArray columns over one span, interpolated anywhere: (n_at, n)."""
     at = np.atleast_1d(np.asarray(at_m, dtype=np.float64))
     if len(knots_m) == 1:
         return np.repeat(values, len(at), axis=0)
@@ -124,14 +125,14 @@ def _periodic_spline(knots_m: Real, values: Complex, span_m: float, at_m: ArrayL
     return np.asarray(spline(np.mod(at, span_m)))
 
 
-def _in_pairs(values: Complex) -> Real:
+def _in_pairs(values: ComplexArray) -> FloatArray:
     """Real and imaginary parts side by side along the last axis."""
     return np.ascontiguousarray(np.stack([values.real, values.imag], axis=-1).reshape(*values.shape[:-1], -1))
 
 
 def fit_track(
     track: Track,
-    contact_compliance: Callable[[Real], Complex],
+    contact_compliance: Callable[[FloatArray], ComplexArray],
     order: int,
     *,
     section_count: int = SECTIONS,
@@ -163,12 +164,12 @@ def fit_track(
     return PoleModel(poles, residues[mirror], at, track.spacing_m)
 
 
-def fit_frequencies(band_hz: tuple[float, float] = BAND_HZ) -> Real:
+def fit_frequencies(band_hz: tuple[float, float] = BAND_HZ) -> FloatArray:
     """Fitted frequencies, Hz: equal steps of the square root, between the linear scale's and the logarithm's."""
     return np.linspace(np.sqrt(band_hz[0]), np.sqrt(band_hz[1]), FREQUENCIES) ** 2
 
 
-def common_poles(frequency_hz: Real, receptance: Complex, weight: Real, order: int) -> Complex:
+def common_poles(frequency_hz: FloatArray, receptance: ComplexArray, weight: FloatArray, order: int) -> ComplexArray:
     """Poles (rad/s) that fit all rows of `receptance` (n_section, n_frequency) at once, by relaxed vector fitting.
 
     A pole that moves into the right half plane is mirrored into the left, so that the result is always stable.
@@ -187,14 +188,14 @@ def common_poles(frequency_hz: Real, receptance: Complex, weight: Real, order: i
     return poles * _SCALE
 
 
-def _starting_poles(omega: Real, order: int) -> Complex:
+def _starting_poles(omega: FloatArray, order: int) -> ComplexArray:
     """Weakly damped pairs over the band, a real pole at its lower end if the order is odd."""
     imaginary = np.geomspace(max(omega[0], 0.02 * omega[-1]), omega[-1], max(order // 2, 1))
     pairs = -0.05 * imaginary + 1j * imaginary
     return np.concatenate([pairs, [-imaginary[0]]]) if order % 2 else pairs
 
 
-def _basis(s: Complex, poles: Complex) -> Complex:
+def _basis(s: ComplexArray, poles: ComplexArray) -> ComplexArray:
     """Partial fractions with real coefficients, (n_frequency, order); a pair gives two columns, a real pole one."""
     columns = []
     for p in poles:
@@ -207,11 +208,13 @@ def _basis(s: Complex, poles: Complex) -> Complex:
     return np.stack(columns, axis=1)
 
 
-def _stacked(matrix: Complex) -> Real:
+def _stacked(matrix: ComplexArray) -> FloatArray:
     return np.concatenate([matrix.real, matrix.imag])
 
 
-def _sigma(basis: Complex, receptance: Complex, weight: Real, n_frequency: int) -> tuple[Real, float]:
+def _sigma(
+    basis: ComplexArray, receptance: ComplexArray, weight: FloatArray, n_frequency: int
+) -> tuple[FloatArray, float]:
     """Coefficients and constant of the common denominator correction sigma, all sections at once."""
     order = basis.shape[1]
     with_constant = np.concatenate([basis, np.ones((n_frequency, 1))], axis=1)
@@ -236,7 +239,7 @@ def _sigma(basis: Complex, receptance: Complex, weight: Real, n_frequency: int) 
     return solution[:-1], constant
 
 
-def _relocated(poles: Complex, sigma: tuple[Real, float]) -> Complex:
+def _relocated(poles: ComplexArray, sigma: tuple[FloatArray, float]) -> ComplexArray:
     """Zeros of sigma, made stable, one of each conjugate pair."""
     coefficients, constant = sigma
     order = len(coefficients)
@@ -256,7 +259,13 @@ def _relocated(poles: Complex, sigma: tuple[Real, float]) -> Complex:
     return np.asarray(kept[np.argsort(np.abs(kept))], dtype=np.complex128)
 
 
-def _residues(frequency_hz: Real, receptance: Complex, weight: Real, poles_rad_s: Complex, static: Real) -> Complex:
+def _residues(
+    frequency_hz: FloatArray,
+    receptance: ComplexArray,
+    weight: FloatArray,
+    poles_rad_s: ComplexArray,
+    static: FloatArray,
+) -> ComplexArray:
     """Least-squares residues of each section under the constraint of its static compliance."""
     poles = poles_rad_s / _SCALE
     basis = _basis(2j * np.pi * frequency_hz / _SCALE, poles)
@@ -274,7 +283,7 @@ def _residues(frequency_hz: Real, receptance: Complex, weight: Real, poles_rad_s
     return np.stack(result) * _SCALE
 
 
-def _as_complex(real: Real, poles: Complex) -> Complex:
+def _as_complex(real: FloatArray, poles: ComplexArray) -> ComplexArray:
     values, row = [], 0
     for p in poles:
         if p.imag == 0:
@@ -289,12 +298,15 @@ def _as_complex(real: Real, poles: Complex) -> Complex:
 class ReceptanceModel(Protocol):
     """A fitted track in the frequency domain."""
 
-    def receptance(self, frequency_hz: ArrayLike, at_m: ArrayLike) -> Complex:
+    def receptance(self, frequency_hz: ArrayLike, at_m: ArrayLike) -> ComplexArray:
         """Fitted point receptance, m/N, (n_at, n_frequency)."""
 
 
 def relative_error(
-    model: ReceptanceModel, track: Track, contact_compliance: Callable[[Real], Complex], band_hz: ErrorBand = BAND_HZ
+    model: ReceptanceModel,
+    track: Track,
+    contact_compliance: Callable[[FloatArray], ComplexArray],
+    band_hz: ErrorBand = BAND_HZ,
 ) -> float:
     """RMS over band and span of |fit - exact| / |exact + c|, between the fitted sections as well as on them."""
     frequency = np.geomspace(*band_hz, 200)
@@ -304,7 +316,7 @@ def relative_error(
     return float(np.sqrt(np.mean(np.abs((model.receptance(frequency, at) - exact) / seen) ** 2)))
 
 
-def default_fit(track: Track, contact_compliance: Callable[[Real], Complex]) -> PoleModel:
+def default_fit(track: Track, contact_compliance: Callable[[FloatArray], ComplexArray]) -> PoleModel:
     """The fit of the lowest order that is good enough, or that more poles hardly improve.
 
     Good enough is a contact-weighted error of half a per cent. No causal model reproduces a loss factor, so on

@@ -15,7 +15,7 @@ from typing import Protocol
 
 import numpy as np
 
-from weld_force_ros.core.track import Complex, Real
+from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 
 
 @dataclass(frozen=True)
@@ -32,13 +32,13 @@ class Propagation:
         at_rest: (n_state,), s under a unit load that rests on the first grid point.
     """
 
-    decay: Real
-    turn: Real
-    transitions: Real
-    drives: Real
-    shapes: Real
-    gains: Real
-    at_rest: Real
+    decay: FloatArray
+    turn: FloatArray
+    transitions: FloatArray
+    drives: FloatArray
+    shapes: FloatArray
+    gains: FloatArray
+    at_rest: FloatArray
 
 
 class StateModel(Protocol):
@@ -48,11 +48,11 @@ class StateModel(Protocol):
     def spacing_m(self) -> float:
         """The span that it repeats with."""
 
-    def propagation(self, at_m: Real, dt_s: float) -> Propagation:
+    def propagation(self, at_m: FloatArray, dt_s: float) -> Propagation:
         """A step of `dt_s` from each point of `at_m` (n_grid,), which covers a span once, to the next."""
 
 
-def first_order_hold(poles: Complex, dt_s: float | Real) -> tuple[Complex, Complex, Complex]:
+def first_order_hold(poles: ComplexArray, dt_s: float | FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     """E, a and b of q' = p q + f for f linear within a step, each of the shape of `poles` (broadcast with `dt_s`).
 
     E = exp(z), a = dt (phi1 - phi2), b = dt phi2 with phi1 = (E - 1) / z, phi2 = (E - 1 - z) / z^2, z = p dt.
@@ -70,7 +70,7 @@ def first_order_hold(poles: Complex, dt_s: float | Real) -> tuple[Complex, Compl
     return np.exp(z), dt_s * (phi1 - phi2), dt_s * phi2
 
 
-def exponentials(matrices: Real) -> Real:
+def exponentials(matrices: FloatArray) -> FloatArray:
     """Matrix exponential of many small matrices at once, (n, m, m): Taylor series of degree 13 by scaling and squaring.
 
     `scipy.linalg.expm` takes them one by one, a hundred times slower.
@@ -87,7 +87,7 @@ def exponentials(matrices: Real) -> Real:
     return result
 
 
-def dense_propagation(rates: Real, inputs: Real, at_rest: Real) -> Propagation:
+def dense_propagation(rates: FloatArray, inputs: FloatArray, at_rest: FloatArray) -> Propagation:
     """Steps of z' = A z + c f whose coefficients change along the span; the rail's displacement is z[0].
 
     Each step takes the coefficients at its middle, its exponential is exact for those.

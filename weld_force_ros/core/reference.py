@@ -38,10 +38,11 @@ from weld_force_ros.core import _kernel, lowpass
 from weld_force_ros.core import track as tracks
 from weld_force_ros.core.passage import History, checked_axis, checked_speeds
 from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.track import Complex, Real, Track, Waves
+from weld_force_ros.core.track import Track, Waves
 from weld_force_ros.core.weld import Trajectory
 from weld_force_ros.core.wheel import Wheel
 from weld_force_ros.errors import NumericalError
+from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 
 STEP_S = 25e-6
 STEP_M = 1.0e-3
@@ -69,9 +70,9 @@ class _Responses:
 
     dt: float
     grid: int
-    rows: Real
+    rows: FloatArray
     nodes: NDArray[np.int64]
-    weights: Real
+    weights: FloatArray
 
 
 @dataclass(frozen=True)
@@ -81,10 +82,10 @@ class _Rolled:
     `force_n` (n,) begins earlier, at rest.
     """
 
-    x_m: Real
-    irregularity_m: Real
-    columns: Real
-    force_n: Real
+    x_m: FloatArray
+    irregularity_m: FloatArray
+    columns: FloatArray
+    force_n: FloatArray
 
 
 class GreenRig:
@@ -229,7 +230,7 @@ class _Spectrum:
         triangle = np.sinc(self.omega * dt / (2 * np.pi)) ** 2
         self.pulse = sides * dt / MEMORY_S * triangle * (0.5 - 0.5 * np.cos(np.pi * taper))
 
-    def shape(self, x_m: Real) -> Complex:
+    def shape(self, x_m: FloatArray) -> ComplexArray:
         return np.concatenate([self._resting.shape(x_m), self._moving.shape(x_m)], axis=2)
 
     def _at_rest(self) -> Waves:
@@ -238,7 +239,7 @@ class _Spectrum:
         lossless_rail = replace(self.track, rail=replace(self.track.rail, loss_factor=0.0))
         return tracks.waves(lossless_rail, np.array([-1j * self.alpha]))
 
-    def jump(self, lag: Real) -> tuple[Real, Real]:
+    def jump(self, lag: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Response to the pulse of a / (i omega + b), a the rail's jump in velocity: as the sum has it, and exactly."""
         a, b = tracks.velocity_jump(self.track.rail), _JUMP_DECAY_RAD_S
         terms = self.pulse * a / (1j * self.omega + self.alpha + b)
@@ -261,16 +262,16 @@ def _peak(rolled: _Rolled, dt: float) -> tuple[float, float, float, float]:
     return float(top - 0.25 * (before - after) * offset), float(place), float(force.min()), loss
 
 
-def _greatest_low_passed(rolled: _Rolled, dt: float) -> Real:
+def _greatest_low_passed(rolled: _Rolled, dt: float) -> FloatArray:
     """(n_filter,)."""
     return np.asarray(lowpass.low_passed(rolled.force_n, dt)[:, -len(rolled.x_m) :].max(axis=1))
 
 
-def _parts(values: Complex) -> tuple[Real, Real]:
+def _parts(values: ComplexArray) -> tuple[FloatArray, FloatArray]:
     return np.ascontiguousarray(values.real), np.ascontiguousarray(values.imag)
 
 
-def _interpolation(grid: int, every: int, node_count: int) -> tuple[NDArray[np.int64], Real]:
+def _interpolation(grid: int, every: int, node_count: int) -> tuple[NDArray[np.int64], FloatArray]:
     """Four nodes and their Lagrange weights for each grid point, all of the point's own span."""
     if node_count == 1:
         return np.zeros((grid, 1), dtype=np.int64), np.ones((grid, 1))

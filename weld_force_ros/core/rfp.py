@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike
 
 from weld_force_ros.core.poles import common_poles
 from weld_force_ros.core.propagation import Propagation, dense_propagation, exponentials
-from weld_force_ros.core.track import Complex, Real
 from weld_force_ros.errors import NumericalError
+from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 
 STEPS_PER_SECTION = 4
 
@@ -46,8 +46,8 @@ class RfpModel:
         scale_rad_s: unit of s, and of the rates of `state_space`.
     """
 
-    denominator: Real
-    numerator: Real
+    denominator: FloatArray
+    numerator: FloatArray
     spacing_m: float
     scale_rad_s: float = _SCALE
 
@@ -57,11 +57,11 @@ class RfpModel:
         return int(self.denominator.shape[1])
 
     @property
-    def section_m(self) -> Real:
+    def section_m(self) -> FloatArray:
         """(n_section,), metres after the sleeper."""
         return np.arange(len(self.denominator)) * (self.spacing_m / len(self.denominator))
 
-    def coefficients_at(self, at_m: ArrayLike) -> tuple[Real, Real]:
+    def coefficients_at(self, at_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Denominator and numerator at any positions, (n_at, m) each: linear between sections, periodic."""
         count = len(self.denominator)
         place = np.mod(np.atleast_1d(np.asarray(at_m, dtype=np.float64)) / self.spacing_m, 1.0) * count
@@ -71,23 +71,23 @@ class RfpModel:
         value = (1 - part) * both[before] + part * both[(before + 1) % count]
         return value[:, : self.order], value[:, self.order :]
 
-    def receptance(self, frequency_hz: ArrayLike, at_m: ArrayLike) -> Complex:
+    def receptance(self, frequency_hz: ArrayLike, at_m: ArrayLike) -> ComplexArray:
         """Fitted point receptance, m/N, (n_at, n_frequency)."""
         omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
         return _fraction(_powers(omega / self.scale_rad_s, self.order), *self.coefficients_at(at_m))
 
-    def static_compliance(self, at_m: ArrayLike) -> Real:
+    def static_compliance(self, at_m: ArrayLike) -> FloatArray:
         """Deflection under a resting unit load, m/N, (n_at,)."""
         a, b = self.coefficients_at(at_m)
         return np.asarray(b[:, -1] / a[:, -1])
 
-    def poles(self, at_m: ArrayLike | None = None) -> Complex:
+    def poles(self, at_m: ArrayLike | None = None) -> ComplexArray:
         """Poles at the sections, or at any positions, rad/s: (n_at, m), the slowest first."""
         a = self.denominator if at_m is None else self.coefficients_at(at_m)[0]
         poles = np.linalg.eigvals(_companion(a))
         return np.take_along_axis(poles, np.argsort(np.abs(poles), axis=1), axis=1) * self.scale_rad_s
 
-    def state_space(self, at_m: ArrayLike) -> tuple[Real, Real]:
+    def state_space(self, at_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Eq. (3b): z' = scale_rad_s (A z + c f), the rail's displacement under the wheel is z[0].
 
         Returns:
@@ -96,12 +96,12 @@ class RfpModel:
         a, b = self.coefficients_at(at_m)
         return _companion(a), _inputs(a, b)
 
-    def at_rest(self, at_m: ArrayLike) -> Real:
+    def at_rest(self, at_m: ArrayLike) -> FloatArray:
         """The states under a resting unit load, (n_at, m), m/N."""
         a, b = self.coefficients_at(at_m)
         return np.concatenate([b[:, -1:] / a[:, -1:], -_inputs(a, b)[:, :-1]], axis=1)
 
-    def propagation(self, at_m: Real, dt_s: float) -> Propagation:
+    def propagation(self, at_m: FloatArray, dt_s: float) -> Propagation:
         """A step of `dt_s` from each of the equidistant points `at_m`; see `weld_force_ros.core.propagation`."""
         rates, inputs = self.state_space(at_m + 0.5 * self.spacing_m / len(at_m))
         dt = self.scale_rad_s * dt_s
@@ -130,8 +130,8 @@ class SmoothRail:
         swing: (n_speed,), of the contact force over a span, highest less lowest, relative to the static load.
     """
 
-    growth: Real
-    swing: Real
+    growth: FloatArray
+    swing: FloatArray
 
 
 def smooth_rail(
@@ -176,15 +176,15 @@ def smooth_rail(
 
 
 def fit_sections(
-    frequency_hz: Real,
-    exact: Complex,
-    weight: Real,
-    static: Real,
+    frequency_hz: FloatArray,
+    exact: ComplexArray,
+    weight: FloatArray,
+    static: FloatArray,
     degree: int,
     *,
-    start: Real | None = None,
+    start: FloatArray | None = None,
     tie: float = 0.0,
-) -> tuple[Real, Real]:
+) -> tuple[FloatArray, FloatArray]:
     """Rational fractions with stable poles and exact static compliance, by weighted least squares.
 
     A pole that the least squares put into the right half plane is mirrored into the left and the numerator fitted anew.
@@ -223,26 +223,26 @@ def fit_sections(
     return a, b * unit
 
 
-def common_denominator(frequency_hz: Real, exact: Complex, weight: Real, degree: int) -> Real:
+def common_denominator(frequency_hz: FloatArray, exact: ComplexArray, weight: FloatArray, degree: int) -> FloatArray:
     """a_1 to a_m of the poles that fit all sections at once, (degree,)."""
     half = common_poles(frequency_hz, exact, weight, degree) / _SCALE
     return np.asarray(np.poly(np.concatenate([half, half[half.imag > 0].conj()])).real[1:])
 
 
-def _powers(scaled_omega: Real, degree: int) -> Complex:
+def _powers(scaled_omega: FloatArray, degree: int) -> ComplexArray:
     """s^degree ... 1 at s = i omega, (n_frequency, degree + 1)."""
     return np.asarray((1j * scaled_omega)[:, None] ** np.arange(degree, -1, -1))
 
 
-def _fraction(powers: Complex, a: Real, b: Real) -> Complex:
+def _fraction(powers: ComplexArray, a: FloatArray, b: FloatArray) -> ComplexArray:
     return np.asarray((b @ powers[:, 1:].T) / _denominator(powers, a))
 
 
-def _denominator(powers: Complex, a: Real) -> Complex:
+def _denominator(powers: ComplexArray, a: FloatArray) -> ComplexArray:
     return np.asarray(powers[:, 0] + a @ powers[:, 1:].T)
 
 
-def _companion(a: Real) -> Real:
+def _companion(a: FloatArray) -> FloatArray:
     count, m = a.shape
     matrix = np.zeros((count, m, m))
     matrix[:, np.arange(m - 1), np.arange(1, m)] = 1.0
@@ -250,7 +250,7 @@ def _companion(a: Real) -> Real:
     return matrix
 
 
-def _inputs(a: Real, b: Real) -> Real:
+def _inputs(a: FloatArray, b: FloatArray) -> FloatArray:
     """Eq. (3c): c_k = b_k - sum_(j<k) a_(k-j) c_j."""
     c = np.array(b)
     for k in range(1, c.shape[1]):
@@ -258,7 +258,9 @@ def _inputs(a: Real, b: Real) -> Real:
     return c
 
 
-def _linearised(powers: Complex, h: Complex, w: Real, pin: Real, a: Real, start: Real, tie: float) -> tuple[Real, Real]:
+def _linearised(
+    powers: ComplexArray, h: ComplexArray, w: FloatArray, pin: FloatArray, a: FloatArray, start: FloatArray, tie: float
+) -> tuple[FloatArray, FloatArray]:
     """One Sanathanan-Koerner step: small w (N - h D) / D_before and tie w h (D - D_start) / D_before; b_m = pin a_m."""
     m = a.shape[1]
     w_d = (w / _denominator(powers, a))[:, :, None]
@@ -276,7 +278,7 @@ def _linearised(powers: Complex, h: Complex, w: Real, pin: Real, a: Real, start:
     return a, np.concatenate([x[:, : m - 1], pin[:, None] * a[:, -1:]], axis=1)
 
 
-def _numerators(powers: Complex, h: Complex, w: Real, pin: Real, a: Real) -> Real:
+def _numerators(powers: ComplexArray, h: ComplexArray, w: FloatArray, pin: FloatArray, a: FloatArray) -> FloatArray:
     """Numerators for given denominators, with b_m = pin a_m."""
     columns = (w / _denominator(powers, a))[:, :, None] * powers[:, 1:]
     last = pin * a[:, -1]
@@ -285,11 +287,11 @@ def _numerators(powers: Complex, h: Complex, w: Real, pin: Real, a: Real) -> Rea
     return np.concatenate([x, last[:, None]], axis=1)
 
 
-def _stacked(matrix: Complex) -> Real:
+def _stacked(matrix: ComplexArray) -> FloatArray:
     return np.concatenate([matrix.real, matrix.imag], axis=1)
 
 
-def _least_squares(matrix: Real, target: Real) -> Real:
+def _least_squares(matrix: FloatArray, target: FloatArray) -> FloatArray:
     """Solutions of stacked problems, (n, n_unknown); columns are scaled, deficient ranks allowed."""
     if not np.all(np.isfinite(matrix)):
         raise NumericalError("the fit of rational fractions did not stay finite; try another degree")
@@ -299,6 +301,6 @@ def _least_squares(matrix: Real, target: Real) -> Real:
     return np.asarray((np.linalg.pinv(r, rcond=1e-14) @ right)[:, :, 0] / column)
 
 
-def _mirrored(poles: Complex) -> Complex:
+def _mirrored(poles: ComplexArray) -> ComplexArray:
     damping = np.maximum(np.abs(poles.real), _LEAST_DAMPING * np.abs(poles))
     return np.asarray(np.where(poles.real >= 0, -damping + 1j * poles.imag, poles))

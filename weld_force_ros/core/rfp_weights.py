@@ -25,8 +25,9 @@ from threadpoolctl import threadpool_limits
 from weld_force_ros.core import track as tracks
 from weld_force_ros.core.poles import BAND_HZ
 from weld_force_ros.core.rfp import STEPS_PER_SECTION, RfpModel, common_denominator, fit_sections, smooth_rail
-from weld_force_ros.core.track import Complex, Real, Track
+from weld_force_ros.core.track import Track
 from weld_force_ros.errors import InputError, NumericalError
+from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 
 DEGREE = 8
 DEGREES = range(4, 13)
@@ -55,7 +56,7 @@ class Wheel(Protocol):
     def mass_kg(self) -> float: ...  # noqa: D102
     @property
     def contact_stiffness_n_per_m(self) -> float: ...  # noqa: D102
-    def compliance(self, omega: Real) -> Complex:
+    def compliance(self, omega: FloatArray) -> ComplexArray:
         """Contact and wheel in series with the track, m/N."""
 
 
@@ -102,7 +103,7 @@ class FitTask:
         factor, share = _MOST_SWING
         self._most_swing = [factor * self._swing(shared, speeds) + share for speeds, _ in (_SEARCHED, _CHECKED)]
 
-    def weights(self, genes: ArrayLike) -> tuple[Real, Real]:
+    def weights(self, genes: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Frequencies, Hz, and the factors that these genes put on the base weight, (n_frequency,) each."""
         logarithms = np.asarray(genes, dtype=np.float64)[:-1]
         knots = np.linspace(np.log(BAND_HZ[0]), np.log(BAND_HZ[1]), len(logarithms))
@@ -121,7 +122,7 @@ class FitTask:
         """The fit with relative weights, 1 / |h|, and no tie: what a search has to beat."""
         return self._fit(1 / np.abs(self._exact), 0.0)
 
-    def _fit(self, weight: Real, tie: float) -> RfpModel:
+    def _fit(self, weight: FloatArray, tie: float) -> RfpModel:
         a, b = fit_sections(self._frequency, self._exact, weight, self._static, self.degree, start=self._start, tie=tie)
         return RfpModel(a[self._mirror], b[self._mirror], self.track.spacing_m)
 
@@ -130,7 +131,7 @@ class FitTask:
         difference = model.receptance(self._judged_hz, self._judged_m) - self._judged
         return float(np.sqrt(np.mean(np.abs(difference / self._seen) ** 2)))
 
-    def judge(self, genes: ArrayLike) -> Real:
+    def judge(self, genes: ArrayLike) -> FloatArray:
         """Error and variation, to be small, and constraints, to be at most 0: stability, growth, swing, error; (6,)."""
         try:
             model = self.fit_at(genes)
@@ -145,7 +146,7 @@ class FitTask:
         return max(self._constraints(model, *_CHECKED, self._most_swing[1])) <= 0
 
     def _constraints(
-        self, model: RfpModel, speeds_kmh: Sequence[float], stiffness: Sequence[float], most_swing: Real
+        self, model: RfpModel, speeds_kmh: Sequence[float], stiffness: Sequence[float], most_swing: FloatArray
     ) -> tuple[float, float, float]:
         steps = STEPS_PER_SECTION * len(model.denominator)
         poles = model.poles(np.arange(steps) * (model.spacing_m / steps))
@@ -161,7 +162,7 @@ class FitTask:
             float(np.max(swing - most_swing)),
         )
 
-    def _swing(self, model: RfpModel, speeds_kmh: Sequence[float]) -> Real:
+    def _swing(self, model: RfpModel, speeds_kmh: Sequence[float]) -> FloatArray:
         return smooth_rail(model, self.wheel.mass_kg, self.wheel.contact_stiffness_n_per_m, speeds_kmh).swing
 
 
@@ -170,7 +171,7 @@ class Population:
     """All that a search needs to go on: genes (n, n_gene) after `generation` generations."""
 
     generation: int
-    genes: Real
+    genes: FloatArray
 
 
 @dataclass(frozen=True)
@@ -197,9 +198,9 @@ class Front:
         plain: both objectives of the fit with weights 1 / |h|.
     """
 
-    genes: Real
-    error: Real
-    variation: Real
+    genes: FloatArray
+    error: FloatArray
+    variation: FloatArray
     knee: int
     plain: tuple[float, float]
 
@@ -253,7 +254,7 @@ def _first_population(seed: int, size: int) -> Population:
     return Population(0, genes)
 
 
-def _next_generation(task: FitTask, now: Population, judged: Real, seed: int) -> tuple[Population, Real]:
+def _next_generation(task: FitTask, now: Population, judged: FloatArray, seed: int) -> tuple[Population, FloatArray]:
     problem, individuals, algorithm = _nsga2(now.genes, judged)
     algorithm.setup(problem, termination=("n_gen", 3), seed=[seed, now.generation + 1])
     algorithm.ask()
@@ -267,7 +268,7 @@ def _next_generation(task: FitTask, now: Population, judged: Real, seed: int) ->
     return Population(now.generation + 1, np.array(survivors.get("X"), dtype=np.float64)), judged
 
 
-def _nsga2(genes: Real, judged: Real) -> tuple[Any, Any, Any]:
+def _nsga2(genes: FloatArray, judged: FloatArray) -> tuple[Any, Any, Any]:
     """Problem, judged individuals and algorithm; the one place that knows pymoo."""
     try:
         from pymoo.algorithms.moo.nsga2 import NSGA2
@@ -280,17 +281,17 @@ def _nsga2(genes: Real, judged: Real) -> tuple[Any, Any, Any]:
     return problem, individuals, NSGA2(pop_size=len(genes), sampling=individuals)
 
 
-def _feasible(judged: Real) -> NDArray[np.bool_]:
+def _feasible(judged: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(np.all(judged[:, 2:] <= 0, axis=1))
 
 
-def _progress(now: Population, judged: Real, generations: int) -> Progress:
+def _progress(now: Population, judged: FloatArray, generations: int) -> Progress:
     good = judged[_feasible(judged)]
     least = good[:, :2].min(axis=0) if len(good) else np.full(2, np.inf)
     return Progress(now, generations, len(good), float(least[0]), float(least[1]))
 
 
-def _front(task: FitTask, now: Population, judged: Real) -> Front:
+def _front(task: FitTask, now: Population, judged: FloatArray) -> Front:
     feasible = _feasible(judged)
     genes, objectives = now.genes[feasible], judged[feasible, :2]
     order = np.lexsort((objectives[:, 1], objectives[:, 0]))
@@ -309,7 +310,7 @@ def _front(task: FitTask, now: Population, judged: Real) -> Front:
     )
 
 
-def _by_distance(objectives: Real) -> NDArray[np.intp]:
+def _by_distance(objectives: FloatArray) -> NDArray[np.intp]:
     """Indices, the one farthest below the line between the front's ends first."""
     if len(objectives) == 0:
         return np.empty(0, dtype=np.intp)

@@ -9,9 +9,9 @@ import numpy as np
 
 from weld_force_ros.core import _kernel
 from weld_force_ros.core.propagation import Propagation, StateModel
-from weld_force_ros.core.track import Real
 from weld_force_ros.core.wheel import Wheel
 from weld_force_ros.errors import NumericalError
+from weld_force_ros.physics.arrays import FloatArray
 
 GRID_M = 0.25e-3
 LONGEST_STEP_M = 2e-3
@@ -37,9 +37,9 @@ class Rolling:
     stride: int
     dt_s: float
     step: Propagation
-    states: Real
-    smooth_n: Real
-    smooth_wheel: Real
+    states: FloatArray
+    smooth_n: FloatArray
+    smooth_wheel: FloatArray
 
 
 class Roller:
@@ -89,11 +89,11 @@ class Roller:
         starts = states[:: self.longest_stride // stride].copy()
         return Rolling(stride, dt, step, starts, states[:, -1].copy(), states[:, -3:].copy())
 
-    def beginning(self, rolling: Rolling, start: int) -> Real:
+    def beginning(self, rolling: Rolling, start: int) -> FloatArray:
         """State at a start, (n_state + 3,)."""
         return np.array(rolling.states[start // self.longest_stride % len(rolling.states)])
 
-    def _at_rest(self, step: Propagation) -> tuple[Real, Real]:
+    def _at_rest(self, step: Propagation) -> tuple[FloatArray, FloatArray]:
         """Static state over the sleeper: rail states, and displacement, velocity and force of the wheel."""
         load = self.wheel.static_load_n
         rail = step.at_rest * load

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfftfreq
 
-from weld_force_ros.core.track import Real
 from weld_force_ros.errors import InputError
+from weld_force_ros.physics.arrays import FloatArray
 
 REFERENCE_M = 1e-6
 
@@ -28,7 +28,7 @@ CONTINUED_DB: Mapping[float, float] = {1.0: 25.1, 0.8: 23.1, 0.63: 21.1, 0.5: 19
 _LONGEST_BANDS_LINES = 100  # of frequency, that the longest band's phases are many
 
 
-def rail_roughness(length_m: float, step_m: float, seed: int, level_db: float = 0.0) -> Real:
+def rail_roughness(length_m: float, step_m: float, seed: int, level_db: float = 0.0) -> FloatArray:
     """Heights in m, positive up, `step_m` apart from 0 to `length_m`, (n,): the limit's spectrum with random phases.
 
     Power is spread evenly over the wavenumbers of a band; there is none at waves over 1.12 m or under two steps.
@@ -52,7 +52,7 @@ def rail_roughness(length_m: float, step_m: float, seed: int, level_db: float = 
     wavenumber = rfftfreq(lines, step_m)
     amplitude = _amplitudes_m(wavenumber) * 10 ** (level_db / 20)
     phase = np.random.default_rng(seed).uniform(0, 2 * np.pi, len(wavenumber))
-    heights: Real = irfft(amplitude * np.exp(1j * phase), lines)[:count] * (lines / 2)
+    heights: FloatArray = irfft(amplitude * np.exp(1j * phase), lines)[:count] * (lines / 2)
     return heights
 
 
@@ -62,7 +62,7 @@ def band_edges_per_m(wavelength_m: float) -> tuple[float, float]:
     return float(middle * 10**-0.05), float(middle * 10**0.05)
 
 
-def _amplitudes_m(wavenumber_per_m: Real) -> Real:
+def _amplitudes_m(wavenumber_per_m: FloatArray) -> FloatArray:
     """Of the sine at each wavenumber, (n,); the highest one there is has none, as its phase is not free."""
     power = np.zeros(len(wavenumber_per_m))
     for wavelength_m, level_db in {**CONTINUED_DB, **LIMIT_DB}.items():

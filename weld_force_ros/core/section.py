@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from skfem import Basis, BilinearForm, ElementQuad2, LinearForm, MeshQuad1, MeshQuad2
 
-from weld_force_ros.core.arrays import Real
 from weld_force_ros.core.outline import Outline
+from weld_force_ros.physics.arrays import FloatArray
 
 # Of an undivided mesh: columns of half the web, of the foot's wing and of the head's; rows of foot, web and head.
 _COLUMNS, _FOOT_WING, _HEAD_WING = 1, 5, 2
@@ -59,7 +59,7 @@ class Mesh:
     def __init__(self, mesh: MeshQuad2, *, half: bool) -> None:
         self.mesh, self.half, self._times = mesh, half, 2.0 if half else 1.0
         self._basis = Basis(mesh, ElementQuad2(), intorder=_QUADRATURE)
-        self.nodes: Real = self._basis.doflocs
+        self.nodes: FloatArray = self._basis.doflocs
 
     def _integrated(self, form: Callable[..., Any]) -> Any:
         return self._times * BilinearForm(form).assemble(self._basis)
@@ -122,7 +122,7 @@ class Mesh:
             across = self.nodes[0] > _EDGE
         return np.flatnonzero(np.concatenate([across, np.ones_like(across)]))
 
-    def displacement(self, t: Real) -> Real:
+    def displacement(self, t: FloatArray) -> FloatArray:
         """Displacements across and upwards, (2, n_node), from the vector `t` of the module's text."""
         full = np.zeros(2 * self.nodes.shape[1])
         full[self._kept] = t
@@ -134,7 +134,7 @@ class Mesh:
         middles = self._basis.dofs.facet_dofs[0]
         return np.stack([ends[0], middles, ends[1]])
 
-    def mean_height(self, within: Callable[[Real, Real], NDArray[np.bool_]]) -> Real:
+    def mean_height(self, within: Callable[[FloatArray, FloatArray], NDArray[np.bool_]]) -> FloatArray:
         """Weights (n_t,) whose product with t is the mean vertical displacement of a part of the section.
 
         Args:
@@ -197,7 +197,7 @@ class _Blocks:
             step = 1 if first < last else -1
             return _Curve(points[first : last + step : step])
 
-        def line(begin: Real, end: Real) -> _Curve:
+        def line(begin: FloatArray, end: FloatArray) -> _Curve:
             return _Curve(np.stack([begin, end]))
 
         foot, head = points[lower_fillet], points[upper_fillet]
@@ -213,7 +213,7 @@ class _Blocks:
             (1, 2): (outer(upper_fillet, lower), outer(above, crown), head_inside, outer(lower, crown)),
         }  # fmt: skip
 
-    def at(self, a: Real, b: Real) -> Real:
+    def at(self, a: FloatArray, b: FloatArray) -> FloatArray:
         """Points (2, n) of the section from those of the plan, each (n,)."""
         places = np.empty((2, len(a)))
         for (left, low), (below, above, before, behind) in self._sides.items():
@@ -228,11 +228,11 @@ class _Blocks:
 class _Curve:
     """A polyline (n, 2), by the share of its length."""
 
-    def __init__(self, points: Real) -> None:
+    def __init__(self, points: FloatArray) -> None:
         length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
         self._points, self._share = points, length / length[-1]
         self.begin, self.end = points[0][:, None], points[-1][:, None]
 
-    def at(self, share: Real) -> Real:
+    def at(self, share: FloatArray) -> FloatArray:
         """(2, n)."""
         return np.stack([np.interp(share, self._share, column) for column in self._points.T])

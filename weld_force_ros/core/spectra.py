@@ -13,9 +13,10 @@ from scipy.signal import butter, detrend, find_peaks, sosfiltfilt
 from scipy.signal.windows import tukey
 
 from weld_force_ros.core.peaks import vertex
-from weld_force_ros.core.track import Complex, Real, Track, receptance
+from weld_force_ros.core.track import Track, receptance
 from weld_force_ros.core.wheel import Wheel
 from weld_force_ros.errors import InputError
+from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 
 CUT_HZ = 530.0
 _TAPER = 0.1  # of the record, half of it at either end
@@ -34,9 +35,9 @@ class Spectrum:
             the record's length.
     """
 
-    frequency_hz: Real
-    wavelength_m: Real
-    amplitude: Real
+    frequency_hz: FloatArray
+    wavelength_m: FloatArray
+    amplitude: FloatArray
 
 
 @dataclass(frozen=True)
@@ -52,9 +53,9 @@ class SpectralPeak:
 class Bands:
     """A force history in two parts, each (n,), whose sum it is; the static load is in the low one."""
 
-    x_m: Real
-    low_n: Real
-    high_n: Real
+    x_m: FloatArray
+    low_n: FloatArray
+    high_n: FloatArray
     speed_kmh: float
 
 
@@ -112,7 +113,7 @@ def spectral_peaks(spectrum: Spectrum, prominence: float = 0.05) -> list[Spectra
     return [SpectralPeak(at_hz, float(speed / at_hz), height) for at_hz, height in vertices]
 
 
-def wheelset_track_receptance(track: Track, wheel: Wheel, frequency_hz: ArrayLike, at_m: ArrayLike) -> Complex:
+def wheelset_track_receptance(track: Track, wheel: Wheel, frequency_hz: ArrayLike, at_m: ArrayLike) -> ComplexArray:
     """Receptance of the wheel's mass moving with the rail, 1 / (1/h - M w^2), m/N, shape (n_at, n_frequency).
 
     Args:
@@ -190,7 +191,7 @@ def phase_at_peak(parts: Bands, within_m: tuple[float, float] = (-np.inf, np.inf
     return Phase(float(x[summit]), float(correlation), float(high[summit]), float(high[largest]))
 
 
-def _step_s(x_m: ArrayLike, values: Real, speed_kmh: float) -> float:
+def _step_s(x_m: ArrayLike, values: FloatArray, speed_kmh: float) -> float:
     x = np.asarray(x_m, dtype=np.float64)
     steps = np.diff(x)
     if x.shape != values.shape or len(x) < 3 or steps.min() <= 0 or np.ptp(steps) > 0.01 * steps.mean():

@@ -18,8 +18,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
 from weld_force_ros.core.shapes import STRAIGHTEDGE_LENGTH_M
-from weld_force_ros.core.track import Real
 from weld_force_ros.errors import InputError
+from weld_force_ros.physics.arrays import FloatArray
 
 STEP_M = 1e-3
 KEPT_M = 30.0
@@ -44,8 +44,8 @@ class Window:
     """
 
     chainage_m: float
-    x_m: Real
-    z_m: Real
+    x_m: FloatArray
+    z_m: FloatArray
     conditioning: tuple[str, ...]
 
 
@@ -68,14 +68,14 @@ class Missing:
 class Section:
     """An unbroken stretch of what is kept: chainages on the grid of `STEP_M` and heights as measured, each (n,)."""
 
-    chainage_m: Real
-    height_m: Real
+    chainage_m: FloatArray
+    height_m: FloatArray
 
 
 @dataclass(frozen=True)
 class _Samples:
-    chainage_m: Real
-    height_m: Real
+    chainage_m: FloatArray
+    height_m: FloatArray
     dropped: int
 
 
@@ -177,7 +177,7 @@ class RailStream:
         near: NDArray[np.bool_] = np.abs(cells - self._newest) < len(self._cell)
         return near
 
-    def _missing(self, chainages_m: Real, first_m: float, last_m: float) -> Missing | None:
+    def _missing(self, chainages_m: FloatArray, first_m: float, last_m: float) -> Missing | None:
         """The first gap between two places that is too long to be bridged, or leaves an end uncovered."""
         begins = np.any(chainages_m <= first_m + _ROUNDING_M)
         ends = np.any(chainages_m >= last_m - _ROUNDING_M)

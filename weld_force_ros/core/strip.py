@@ -33,9 +33,9 @@ import scipy.sparse.linalg
 from scipy import sparse
 from threadpoolctl import threadpool_limits
 
-from weld_force_ros.core.arrays import Complex, Real
 from weld_force_ros.core.outline import Dimensions, outline
 from weld_force_ros.core.section import Matrices, Mesh, part_heights, rail_mesh
+from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 
 _BASIS_HZ = (20.0, 600.0, 1400.0, 2400.0, 3600.0, 5000.0, 6500.0)
 _BASIS_WAVES = 24
@@ -82,24 +82,24 @@ class FreeWaves:
         norm: (n_wave, n_frequency), N/m for displacements without unit.
     """
 
-    decay: Complex
-    head: Complex
-    foot: Complex
-    norm: Complex
+    decay: ComplexArray
+    head: ComplexArray
+    foot: ComplexArray
+    norm: ComplexArray
 
-    def head_head(self, distance_m: Real) -> Complex:
+    def head_head(self, distance_m: FloatArray) -> ComplexArray:
         """Response (*distance, n_frequency) of the head to a force on it, m/N."""
         return self._between(self.head, self.head, distance_m)
 
-    def head_foot(self, distance_m: Real) -> Complex:
+    def head_foot(self, distance_m: FloatArray) -> ComplexArray:
         """As `head_head`, of one to a force on the other."""
         return self._between(self.head, self.foot, distance_m)
 
-    def foot_foot(self, distance_m: Real) -> Complex:
+    def foot_foot(self, distance_m: FloatArray) -> ComplexArray:
         """As `head_head`, of the foot to a force on it."""
         return self._between(self.foot, self.foot, distance_m)
 
-    def _between(self, at: Complex, force_at: Complex, distance_m: Real) -> Complex:
+    def _between(self, at: ComplexArray, force_at: ComplexArray, distance_m: FloatArray) -> ComplexArray:
         parts, distance = at * force_at / self.norm, np.asarray(distance_m)[..., None]
         found = np.zeros(np.broadcast_shapes(distance.shape, parts[0].shape), dtype=np.complex128)
         for part, decay in zip(parts, self.decay, strict=True):
@@ -129,7 +129,7 @@ class WaveProblem:
         observed: (n_t, n_force), weights of the displacements that are acted on and looked at.
     """
 
-    def __init__(self, matrices: Matrices, density: float, observed: Real) -> None:
+    def __init__(self, matrices: Matrices, density: float, observed: FloatArray) -> None:
         m = matrices
         self._m, self._observed, self._n_u = m, observed, len(m.mass)
         zero = np.zeros((self._n_u, len(m.mass_t)))
@@ -140,7 +140,7 @@ class WaveProblem:
         self._inert = density * scipy.linalg.lu_solve(factors, scipy.linalg.block_diag(m.mass, m.mass_t))
         self._founded = -scipy.linalg.lu_solve(factors, founded)
 
-    def solve(self, square: complex, foundation: complex = 0.0) -> tuple[Complex, Complex, Complex]:
+    def solve(self, square: complex, foundation: complex = 0.0) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
         """Waves at a squared angular frequency, on a foundation in N/m^2 under the last of what is observed.
 
         Returns:
@@ -157,16 +157,16 @@ class WaveProblem:
         scale += np.einsum("im,im->m", u, m.b @ t) + np.einsum("im,im->m", t, m.c_t @ t)
         return decay, vectors, 2 * decay * scale
 
-    def parts(self, vectors: Complex) -> tuple[Complex, Complex]:
+    def parts(self, vectors: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Displacement along the rail over k, and in the section, of eigenvectors."""
         return vectors[: self._n_u], vectors[self._n_u :]
 
-    def observed(self, vectors: Complex) -> Complex:
+    def observed(self, vectors: ComplexArray) -> ComplexArray:
         """Mean displacements (n_force, n) of waves."""
         return np.asarray(self._observed.T @ self.parts(vectors)[1])
 
 
-def _reduced(m: Matrices, density: float, observed: Real) -> tuple[Matrices, Real, Real]:
+def _reduced(m: Matrices, density: float, observed: FloatArray) -> tuple[Matrices, FloatArray, FloatArray]:
     """The matrices in the space of a basis, see the module's text; and the basis (n, n_basis) of U and of t."""
     found = [_slow_waves(m, density, (2 * np.pi * hz) ** 2) for hz in _BASIS_HZ]
     found += [_static(m, observed, k) for k in _STATIC_PER_M]
@@ -179,7 +179,7 @@ def _reduced(m: Matrices, density: float, observed: Real) -> tuple[Matrices, Rea
     return reduced, v, w
 
 
-def _slow_waves(m: Matrices, density: float, square: float) -> Complex:
+def _slow_waves(m: Matrices, density: float, square: float) -> ComplexArray:
     """Eigenvectors (n_u + n_t, n_wave) of the waves that decay and turn slowest, by shift and inverse."""
     n_u, n_t = m.mass.shape[0], m.mass_t.shape[0]
     here = sparse.bmat([[m.a_u - square * density * m.mass, m.b], [None, m.a_t - square * density * m.mass_t]], "csc")
@@ -189,21 +189,21 @@ def _slow_waves(m: Matrices, density: float, square: float) -> Complex:
     return np.asarray(scipy.sparse.linalg.eigs(operator, _BASIS_WAVES, v0=np.ones(n_u + n_t))[1])
 
 
-def _static(m: Matrices, observed: Real, k: float) -> Complex:
+def _static(m: Matrices, observed: FloatArray, k: float) -> ComplexArray:
     """Displacements (n_u + n_t, n_force) under the observed forces, resting, varying along the rail by wavenumber k."""
     stiffness = sparse.bmat([[m.a_u + k**2 * m.c_u, k * m.b], [k * m.b.T, m.a_t + k**2 * m.c_t]], "csc")
     force = np.vstack([np.zeros((m.mass.shape[0], observed.shape[1])), observed])
     return np.asarray(scipy.sparse.linalg.spsolve(stiffness, force))
 
 
-def decays(squares: Complex) -> Complex:
+def decays(squares: ComplexArray) -> ComplexArray:
     """Decay constants kappa of waves from their k^2; of an undamped travelling wave the one that lags with distance."""
     decay = np.sqrt(-squares + 0j)
     travelling = np.abs(decay.real) <= 1e-9 * np.abs(decay)
     return np.asarray(np.where(travelling, 1j * np.abs(decay.imag), decay))
 
 
-def _basis(vectors: Complex, mass: "Real | sparse.spmatrix") -> Real:
+def _basis(vectors: ComplexArray, mass: "FloatArray | sparse.spmatrix") -> FloatArray:
     """Orthonormal vectors, by mass, of the space that complex ones span."""
     parts = np.hstack([vectors.real, vectors.imag])
     lengths = np.sqrt(np.einsum("im,im->m", parts, mass @ parts))
@@ -219,13 +219,13 @@ class WaveShape:
     """A travelling wave: `displacement` (3, n_node) along the rail (a quarter period ahead), across and upwards."""
 
     wavenumber_per_m: float
-    displacement: Real
+    displacement: FloatArray
 
 
 class FreeRail:
     """A free rail of a section and a steel."""
 
-    def __init__(self, mesh: Mesh, head: Real, foot: Real, steel: Steel) -> None:
+    def __init__(self, mesh: Mesh, head: FloatArray, foot: FloatArray, steel: Steel) -> None:
         self.mesh, self.steel = mesh, steel
         matrices = mesh.matrices(steel.lame_pa, steel.shear_modulus_pa)
         observed = np.stack([head, foot], axis=1)
@@ -245,20 +245,22 @@ class FreeRail:
         )
         return head, cross, foot
 
-    def waves(self, omega: Real | Complex, foundation: "Complex | None" = None) -> FreeWaves:
+    def waves(self, omega: FloatArray | ComplexArray, foundation: "ComplexArray | None" = None) -> FreeWaves:
         """Waves at angular frequencies (n_frequency,), rad/s, with a foundation of the foot in N/m^2, if any."""
         moving = self.moving(omega, foundation, self.steel.loss_factor)
         near, pair = moving._part(slice(_REACHING)), self._resting._part(slice(COUPLED - _REACHING))
         far, rest = moving._part(slice(_REACHING, None)), self._resting._part(slice(COUPLED - _REACHING, None))
         return near._with(pair)._with(far)._with(rest)
 
-    def moving(self, omega: Real | Complex, foundation: "Complex | None" = None, loss_factor: float = 0.0) -> FreeWaves:
+    def moving(
+        self, omega: FloatArray | ComplexArray, foundation: "ComplexArray | None" = None, loss_factor: float = 0.0
+    ) -> FreeWaves:
         """As `waves`, with nothing subtracted."""
         loss = 1 + 1j * loss_factor
         squares = np.asarray(omega, dtype=np.complex128) ** 2 / loss
         founded = np.zeros_like(squares) if foundation is None else np.asarray(foundation) / loss
 
-        def slowest(square: complex, below: complex) -> tuple[Complex, Complex, Complex]:
+        def slowest(square: complex, below: complex) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
             decay, vectors, norm = self._problem.solve(square, below)
             chosen = np.argsort(decay.real, kind="stable")[:WAVES]
             return decay[chosen], self._problem.observed(vectors[:, chosen]), norm[chosen]

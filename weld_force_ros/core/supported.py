@@ -16,8 +16,8 @@ of Floquet waves near the supports and to the response near the force.
 import numpy as np
 import scipy.linalg
 
-from weld_force_ros.core.arrays import Complex, Real
 from weld_force_ros.core.strip import COUPLED, FreeWaves
+from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 
 _SPRINGS = 4  # of a pad
 
@@ -33,7 +33,9 @@ class SupportedWaves:
         pad_width_m: along the rail.
     """
 
-    def __init__(self, free: FreeWaves, span_m: float, pad: Complex, below: Complex, pad_width_m: float) -> None:
+    def __init__(
+        self, free: FreeWaves, span_m: float, pad: ComplexArray, below: ComplexArray, pad_width_m: float
+    ) -> None:
         self.span_m, self._free = span_m, free
         places, shares = np.polynomial.legendre.leggauss(_SPRINGS if pad_width_m else 1)
         self._places = places * pad_width_m / 2
@@ -44,10 +46,10 @@ class SupportedWaves:
         # (n_near, n_floquet, n_frequency) amplitudes: leaving a support, and coming back from the next one
         reach = np.exp(-near * span_m)[:, None]
         between = (free.norm[:COUPLED, None] * reach * (self._ahead**2 - self._back**2)).sum(axis=0)
-        self.multiplier: Complex = np.concatenate([floquet, np.exp(-free.decay[COUPLED:] * span_m)])
-        self.strength: Complex = np.concatenate([floquet / between, 1 / free.norm[COUPLED:]])
+        self.multiplier: ComplexArray = np.concatenate([floquet, np.exp(-free.decay[COUPLED:] * span_m)])
+        self.strength: ComplexArray = np.concatenate([floquet / between, 1 / free.norm[COUPLED:]])
 
-    def _reactions(self, pad: Complex, below: Complex, shares: Real) -> Complex:
+    def _reactions(self, pad: ComplexArray, below: ComplexArray, shares: FloatArray) -> ComplexArray:
         """(n_place, n_place, n_frequency): reactions of a support's springs to what the foot would do without them."""
         one = np.eye(len(shares))
         together = np.outer(shares, shares)
@@ -56,14 +58,14 @@ class SupportedWaves:
         k, g = np.moveaxis(stiffness, -1, 0), np.moveaxis(own, -1, 0)
         return np.moveaxis(np.linalg.solve(one + k @ g, k), 0, -1)
 
-    def _floquet(self, n: int) -> tuple[Complex, Complex, Complex]:
+    def _floquet(self, n: int) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
         """At one frequency: amplitudes (n_near, n_floquet) ahead and back, and multipliers (n_floquet,)."""
         decay, foot, norm = (array[:COUPLED, n] for array in (self._free.decay, self._free.foot, self._free.norm))
         reach = np.exp(-decay * self.span_m)
         lags, leads = (np.exp(sign * decay[:, None] * self._places) for sign in (-1, 1))
         one = np.eye(len(decay))
 
-        def scattered(out: Complex, arriving: Complex) -> Complex:
+        def scattered(out: ComplexArray, arriving: ComplexArray) -> ComplexArray:
             return np.asarray((foot / norm)[:, None] * (out @ self._reaction[..., n] @ arriving.T) * foot * reach)
 
         zero = np.zeros_like(one)
@@ -78,7 +80,7 @@ class SupportedWaves:
         vectors = vectors[:, chosen]
         return vectors[: len(decay)], vectors[len(decay) :], values[chosen]
 
-    def shape(self, x_m: Real) -> Complex:
+    def shape(self, x_m: FloatArray) -> ComplexArray:
         """The waves that decay towards +x: (n_wave, n_x, n_frequency)."""
         free = self._free
         span = np.rint(x_m / self.span_m)
@@ -106,13 +108,13 @@ class WavesAlong:
 
     def __init__(self, free: FreeWaves, span_m: float) -> None:
         self.span_m, self._free = span_m, free
-        self.strength: Complex = 1 / free.norm
-        self.multiplier: Complex = np.exp(-free.decay * span_m)
+        self.strength: ComplexArray = 1 / free.norm
+        self.multiplier: ComplexArray = np.exp(-free.decay * span_m)
 
-    def shape(self, x_m: Real) -> Complex:
+    def shape(self, x_m: FloatArray) -> ComplexArray:
         """The waves that decay towards +x: (n_wave, n_x, n_frequency)."""
         return _shapes(self._free.head, self._free.decay, x_m)
 
 
-def _shapes(head: Complex, decay: Complex, x_m: Real) -> Complex:
+def _shapes(head: ComplexArray, decay: ComplexArray, x_m: FloatArray) -> ComplexArray:
     return np.asarray(head[:, None] * np.exp(-decay[:, None] * x_m[:, None]))

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from weld_force_ros.core.batch import Batch, approaches, make_batch
 from weld_force_ros.core.lowpass import CUTOFFS_HZ
 from weld_force_ros.core.rolling import Roller
-from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import Trajectory
 from weld_force_ros.errors import NumericalError
+from weld_force_ros.physics.arrays import FloatArray
 
 TOLERANCE = 5e-4  # of the peak force
 _ESTIMATE = 1 / 12  # of the second difference: a linear force's mean distance from a parabola, over a step
@@ -39,14 +39,14 @@ class Surface:
     `weld_force_ros.core.lowpass.CUTOFFS_HZ`.
     """
 
-    peak_force_n: Real
-    peak_x_m: Real
-    min_force_n: Real
-    contact_loss_s: Real
-    low_passed_n: Real | None = None
+    peak_force_n: FloatArray
+    peak_x_m: FloatArray
+    min_force_n: FloatArray
+    contact_loss_s: FloatArray
+    low_passed_n: FloatArray | None = None
 
     @classmethod
-    def of(cls, results: Real) -> "Surface":
+    def of(cls, results: FloatArray) -> "Surface":
         """From (n_speed, n_position, n_column): the fields in their order, each filter a column, or none."""
         peak_n, peak_x_m, least_n, loss_s, *low_passed = np.moveaxis(results, 2, 0)
         return cls(peak_n, peak_x_m, least_n, loss_s, np.stack(low_passed) if low_passed else None)
@@ -63,8 +63,8 @@ class SurfaceRoller:
     def roll(
         self,
         trajectories: Sequence[Trajectory],
-        speeds_kmh: Real,
-        positions_m: Real,
+        speeds_kmh: FloatArray,
+        positions_m: FloatArray,
         threads: int,
         on_speed: Callable[[], None] = lambda: None,
         *,
@@ -89,14 +89,14 @@ class SurfaceRoller:
     def _roll_together(
         self,
         trajectories: Sequence[Trajectory],
-        speeds_kmh: Real,
-        positions_m: Real,
+        speeds_kmh: FloatArray,
+        positions_m: FloatArray,
         cutoffs_hz: tuple[float, ...],
         tolerance: float,
         on_speed: Callable[[], None],
         pool: Executor,
         threads: int,
-    ) -> Real:
+    ) -> FloatArray:
         """(n_speed, n_place, 4 + n_filter), speeds increasing; each passage in the longest stride that serves it."""
         coarsest = np.array([self._roller.coarsest_stride(speed) for speed in speeds_kmh])
         wanted = np.repeat(coarsest[:, None], len(trajectories) * len(positions_m), axis=1)
@@ -116,7 +116,7 @@ class SurfaceRoller:
                 on_speed()
         return np.delete(results, _WORKING, axis=2)
 
-    def _batch(self, stride: int, speeds_kmh: Real, pool: Executor) -> Batch:
+    def _batch(self, stride: int, speeds_kmh: FloatArray, pool: Executor) -> Batch:
         """A batch's tables, remembered: the next weld is likely to be rolled over at the same speeds."""
         key = (stride, speeds_kmh.tobytes())
         batch = self._remembered.get(key)
@@ -146,7 +146,7 @@ class _Here(Executor):
         return future
 
 
-def _finer(stride: int, results: Real, tolerance: float) -> NDArray[np.int64]:
+def _finer(stride: int, results: FloatArray, tolerance: float) -> NDArray[np.int64]:
     """The stride that results (..., 6) ask for, as the error goes with its square; 0 where they are good enough."""
     excess = _ESTIMATE * results[..., 4] / (tolerance * results[..., 0])
     good = ~(excess > 1) | (stride == 1)

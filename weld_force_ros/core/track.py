@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from weld_force_ros.core.arrays import Complex as Complex
-from weld_force_ros.core.arrays import Real as Real
 from weld_force_ros.core.outline import Dimensions
+from weld_force_ros.physics.arrays import ComplexArray as ComplexArray
+from weld_force_ros.physics.arrays import FloatArray as FloatArray
 
 # Strips are imported where they are used: scikit-fem and what it needs would double the time until a command starts.
 if TYPE_CHECKING:
@@ -82,8 +82,8 @@ class Spring:
     loss_factor: float = 0.0
     damping_ns_per_m: float = 0.0
 
-    def dynamic_stiffness(self, omega: Real | Complex) -> Complex:
-        """Complex stiffness in N/m, shape of `omega` (rad/s)."""
+    def dynamic_stiffness(self, omega: FloatArray | ComplexArray) -> ComplexArray:
+        """ComplexArray stiffness in N/m, shape of `omega` (rad/s)."""
         damping = self.stiffness_n_per_m * self.loss_factor + omega * self.damping_ns_per_m
         return np.asarray(self.stiffness_n_per_m + 1j * damping)
 
@@ -119,17 +119,17 @@ class Track:
         """Whether damping is viscous in both layers; a loss factor has no causal impulse response."""
         return self.pad.loss_factor == 0.0 and self.ballast.loss_factor == 0.0
 
-    def support_stiffness(self, omega: Real | Complex) -> Complex:
+    def support_stiffness(self, omega: FloatArray | ComplexArray) -> ComplexArray:
         """Dynamic stiffness of one support seen by the rail, N/m."""
         pad, below = self.pad.dynamic_stiffness(omega), self.stiffness_below_pad(omega)
         return np.asarray(pad * below / (pad + below))
 
-    def stiffness_below_pad(self, omega: Real | Complex) -> Complex:
+    def stiffness_below_pad(self, omega: FloatArray | ComplexArray) -> ComplexArray:
         """Dynamic stiffness of sleeper and ballast, N/m."""
         return np.asarray(self.ballast.dynamic_stiffness(omega) - self.sleeper_mass_kg * omega**2)
 
 
-def receptance(track: Track, frequency_hz: ArrayLike, at_m: ArrayLike) -> Complex:
+def receptance(track: Track, frequency_hz: ArrayLike, at_m: ArrayLike) -> ComplexArray:
     """Point receptance of the rail, m/N.
 
     Args:
@@ -144,7 +144,7 @@ def receptance(track: Track, frequency_hz: ArrayLike, at_m: ArrayLike) -> Comple
     return transfer_receptance(track, frequency_hz, at, at)
 
 
-def transfer_receptance(track: Track, frequency_hz: ArrayLike, at_m: ArrayLike, force_at_m: ArrayLike) -> Complex:
+def transfer_receptance(track: Track, frequency_hz: ArrayLike, at_m: ArrayLike, force_at_m: ArrayLike) -> ComplexArray:
     """Receptance of the rail at `at_m` to a force at `force_at_m`, m/N.
 
     Args:
@@ -163,13 +163,13 @@ def transfer_receptance(track: Track, frequency_hz: ArrayLike, at_m: ArrayLike, 
     return _response(waves(track, omega), at, force_at)
 
 
-def static_compliance(track: Track, at_m: ArrayLike) -> Real:
+def static_compliance(track: Track, at_m: ArrayLike) -> FloatArray:
     """Deflection under a resting unit load, m/N, shape (n_at,): the undamped track, as loss does not act at rest."""
     at = np.atleast_1d(np.asarray(at_m, dtype=np.float64))
     return _response(static_waves(track), at, at)[:, 0].real
 
 
-def sections(track: Track, count: int) -> Real:
+def sections(track: Track, count: int) -> FloatArray:
     """`count` equidistant sections over one span, m, the first over a sleeper; continuous support needs one."""
     return np.zeros(1) if track.continuous else np.arange(count) * (track.spacing_m / count)
 
@@ -203,7 +203,7 @@ def pinned_pinned_hz(track: Track) -> float:
     return float(np.sqrt(square.real.min()) / (2 * np.pi))
 
 
-def free_decay(rail: Rail, frequency_hz: ArrayLike) -> Complex:
+def free_decay(rail: Rail, frequency_hz: ArrayLike) -> ComplexArray:
     """Decay constants of a free rail's waves in 1/m, (n_wave, n_frequency); imaginary of one that just travels."""
     omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
     if isinstance(rail, StripRail):
@@ -223,14 +223,14 @@ class Waves(Protocol):
     """
 
     span_m: float
-    strength: Complex
-    multiplier: Complex
+    strength: ComplexArray
+    multiplier: ComplexArray
 
-    def shape(self, x_m: Real) -> Complex:
+    def shape(self, x_m: FloatArray) -> ComplexArray:
         """The waves that decay towards +x: (n_wave, n_x, n_frequency)."""
 
 
-def waves(track: Track, omega: Real | Complex) -> Waves:
+def waves(track: Track, omega: FloatArray | ComplexArray) -> Waves:
     """A track's waves at angular frequencies `omega` (n_frequency,), rad/s, real part positive or zero."""
     if isinstance(track.rail, StripRail):
         return _strip_waves(track, track.rail, omega)
@@ -239,7 +239,7 @@ def waves(track: Track, omega: Real | Complex) -> Waves:
     return _FloquetWaves(track, omega)
 
 
-def _strip_waves(track: Track, rail: StripRail, omega: Real | Complex) -> Waves:
+def _strip_waves(track: Track, rail: StripRail, omega: FloatArray | ComplexArray) -> Waves:
     """Remembered, as fits ask for the same frequencies again and again."""
     return _remembered_strip_waves(track, rail, np.asarray(omega, dtype=np.complex128).tobytes())
 
@@ -261,7 +261,7 @@ def static_waves(track: Track) -> Waves:
     return waves(track.undamped(), np.array([2 * np.pi * hz]))
 
 
-def _response(waves: Waves, at_m: Real, force_at_m: Real) -> Complex:
+def _response(waves: Waves, at_m: FloatArray, force_at_m: FloatArray) -> ComplexArray:
     ahead = np.maximum(at_m, force_at_m)
     behind = np.minimum(at_m, force_at_m)  # reciprocity: the response depends on the pair only
     first_m = waves.span_m * np.floor(behind / waves.span_m)  # near waves of strips grow by many powers a span
@@ -273,7 +273,9 @@ def _response(waves: Waves, at_m: Real, force_at_m: Real) -> Complex:
 class _RailWaves:
     """The rail's two waves, free or on a foundation of complex stiffness N/m^2: exp(-decay x), Re(decay) > 0."""
 
-    def __init__(self, rail: Rail, omega: Real | Complex, span_m: float, foundation: Complex | float = 0.0) -> None:
+    def __init__(
+        self, rail: Rail, omega: FloatArray | ComplexArray, span_m: float, foundation: ComplexArray | float = 0.0
+    ) -> None:
         self.span_m = span_m
         loss = 1 + 1j * rail.loss_factor
         shear = rail.shear_coefficient * rail.shear_modulus_pa * rail.area_m2 * loss
@@ -290,17 +292,17 @@ class _RailWaves:
         self.decay = np.where(lossless, 1j * np.abs(decay.imag), np.where(decay.real < 0, -decay, decay))
         other = square[::-1]
         amplitude = (shear - rotary - bending * square) / (2 * self.decay * shear * bending * (other - square))
-        self.strength: Complex = amplitude
-        self.multiplier: Complex = np.exp(-self.decay * span_m)
+        self.strength: ComplexArray = amplitude
+        self.multiplier: ComplexArray = np.exp(-self.decay * span_m)
 
-    def shape(self, x_m: Real) -> Complex:
+    def shape(self, x_m: FloatArray) -> ComplexArray:
         return np.asarray(np.exp(-self.decay[:, None, :] * x_m[None, :, None]))
 
 
 class _FloquetWaves:
     """The two decaying Floquet waves of a periodically supported rail."""
 
-    def __init__(self, track: Track, omega: Real | Complex) -> None:
+    def __init__(self, track: Track, omega: FloatArray | ComplexArray) -> None:
         self.span_m = track.spacing_m
         self.rail = _RailWaves(track.rail, omega, track.spacing_m)
         support = track.support_stiffness(omega)
@@ -313,12 +315,12 @@ class _FloquetWaves:
         cosh = np.stack([-linear / 2 + root, -linear / 2 - root])
         sinh = np.sqrt(cosh**2 - 1)
         sinh = np.where(np.abs(cosh - sinh) > 1, -sinh, sinh)
-        self.multiplier: Complex = cosh - sinh
+        self.multiplier: ComplexArray = cosh - sinh
         # d/d mu of the condition at a support, which the residue needs
         slope = support * sinh * (a1 * s1 / (c1 - cosh) ** 2 + a2 * s2 / (c2 - cosh) ** 2)
-        self.strength: Complex = support / slope
+        self.strength: ComplexArray = support / slope
 
-    def shape(self, x_m: Real) -> Complex:
+    def shape(self, x_m: FloatArray) -> ComplexArray:
         span = np.floor(x_m / self.span_m)
         x = (x_m - span * self.span_m)[None, :, None]
         multiplier = self.multiplier[:, None, :]

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.stats import norm
 
-from weld_force_ros.contract import Spread, Uncertainty
-from weld_force_ros.core.track import Real
+from weld_force_ros.messages import Spread, Uncertainty
+from weld_force_ros.physics.arrays import FloatArray
 
 SUPPORT_LEVELS = 3
 HERTZ_LEVELS = 5
@@ -29,9 +29,9 @@ _PER_LENGTH = 5  # grid points of noise
 class Draws:
     """Samples, each (n,): factors on nominal values, the wheel's radius, and a seed of each sample's noise."""
 
-    support_factor: Real
-    hertz_factor: Real
-    wheel_radius_m: Real
+    support_factor: FloatArray
+    hertz_factor: FloatArray
+    wheel_radius_m: FloatArray
     noise_seed: NDArray[np.int64]
 
 
@@ -40,11 +40,11 @@ def draw(unknown: Uncertainty) -> Draws:
     generator = np.random.default_rng(unknown.seed)
     count = unknown.samples
 
-    def evenly() -> Real:
+    def evenly() -> FloatArray:
         """Once in each n-th of 0 to 1, in random order."""
         return np.asarray((generator.permutation(count) + generator.random(count)) / count)
 
-    def levels(deviation: float, level_count: int) -> Real:
+    def levels(deviation: float, level_count: int) -> FloatArray:
         return np.asarray(np.exp(deviation * _standard_levels(level_count)[(evenly() * level_count).astype(np.int64)]))
 
     return Draws(
@@ -55,7 +55,7 @@ def draw(unknown: Uncertainty) -> Draws:
     )
 
 
-def noisy(x_m: Real, z_m: Real, unknown: Uncertainty, seed: int) -> Real:
+def noisy(x_m: FloatArray, z_m: FloatArray, unknown: Uncertainty, seed: int) -> FloatArray:
     """Heights as they might have been, (n,): noise correlated along the rail, zero at both ends as after levelling.
 
     Args:
@@ -76,7 +76,7 @@ def noisy(x_m: Real, z_m: Real, unknown: Uncertainty, seed: int) -> Real:
     return np.asarray(z_m + noise - level)
 
 
-def influences(values: Real, spread: Spread) -> Mapping[str, float]:
+def influences(values: FloatArray, spread: Spread) -> Mapping[str, float]:
     """Share of a value's variance that goes with each unknown quantity by itself; the rest is noise and interplay.
 
     Correlation ratios (Pearson 1905), corrected for what chance alone would explain (Kelley, Proc. Natl. Acad. Sci. 21,
@@ -107,7 +107,7 @@ def influences(values: Real, spread: Spread) -> Mapping[str, float]:
     return {**shares, REST: max(0.0, 1.0 - sum(shares.values()))}
 
 
-def _explained(values: Real, factor: Real) -> float:
+def _explained(values: FloatArray, factor: FloatArray) -> float:
     """Variance of values (n,) that goes with a factor (n,)."""
     levels = np.unique(factor)
     if len(levels) > _GROUPS:
@@ -123,7 +123,7 @@ def _explained(values: Real, factor: Real) -> float:
     return max(0.0, total - within * (len(values) - 1) / free)
 
 
-def _standard_levels(count: int) -> Real:
+def _standard_levels(count: int) -> FloatArray:
     """Levels of equal probability with mean 0 and variance 1, as the normal distribution's middles lie."""
     if count == 1:
         return np.zeros(1)

@@ -13,16 +13,6 @@ from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from weld_force_ros.contract import (
-    Criterion,
-    Decision,
-    ForceMap,
-    Limit,
-    NormPoint,
-    PositionOutcome,
-    Rules,
-    Spread,
-)
 from weld_force_ros.core.criteria import (
     AT_THE_PEAK,
     FORCE_CRITERIA,
@@ -35,8 +25,9 @@ from weld_force_ros.core.criteria import (
     gradient_norm_rad,
     passages,
 )
-from weld_force_ros.core.track import Real
 from weld_force_ros.core.uncertainty import influences
+from weld_force_ros.messages import Criterion, Decision, ForceMap, Limit, NormPoint, PositionOutcome, Rules, Spread
+from weld_force_ros.physics.arrays import FloatArray
 
 WORST_POSITION = Rules(unknown_position="worst")
 """The rules of recordings that state none."""
@@ -73,10 +64,10 @@ class Judged:
         line_kmh: the line's speed, or the highest that was computed.
     """
 
-    speeds_kmh: Real
-    positions_m: Real
+    speeds_kmh: FloatArray
+    positions_m: FloatArray
     passages: Passages
-    peak_x_m: Real
+    peak_x_m: FloatArray
     line_kmh: float
 
 
@@ -161,7 +152,7 @@ def judged_part(force_map: ForceMap) -> Judged:
     )
 
 
-def counted_positions(positions_m: Real, at_m: float | UnsetType, span_m: float) -> NDArray[np.intp]:
+def counted_positions(positions_m: FloatArray, at_m: float | UnsetType, span_m: float) -> NDArray[np.intp]:
     """Which positions count: all, or the computed ones on either side of `at_m`, round the span.
 
     One if it was computed itself.
@@ -197,7 +188,7 @@ def _weigh(
     weighed.severities.append((at_positions > limit.limit) + (at_positions > limit.reject_limit).astype(np.int64))
 
 
-def _criterion(limit: Limit, values: Real, judged: Judged) -> Criterion:
+def _criterion(limit: Limit, values: FloatArray, judged: Judged) -> Criterion:
     row, column = np.unravel_index(np.argmax(values), values.shape)
     value = float(values[row, column])
     criterion = Criterion(
@@ -241,7 +232,7 @@ def _with_probability(
     )
 
 
-def _sampled(name: str, spread: Spread, judged: Judged, gradient_norm: Sequence[NormPoint]) -> Real | None:
+def _sampled(name: str, spread: Spread, judged: Judged, gradient_norm: Sequence[NormPoint]) -> FloatArray | None:
     """A criterion's value of every sample, (n_sample, n_position), or (n_sample, 1) of what the geometry says."""
     if name == "straightedge":
         return np.array(spread.straightedge_m)[:, None]
@@ -284,7 +275,7 @@ def _unseen(force_map: ForceMap, rules: Rules, worst_speed_kmh: float) -> list[s
     ]
 
 
-def _by_stretches(positions_m: Real, by_position: NDArray[np.int64]) -> str:
+def _by_stretches(positions_m: FloatArray, by_position: NDArray[np.int64]) -> str:
     """`accept at 12 to 40 cm after the sleeper, grind at 0 to 8 and 44 to 56 cm`."""
     parts = []
     for severity in np.unique(by_position):

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.ndimage import grey_dilation
 
-from weld_force_ros.core.track import Real
+from weld_force_ros.physics.arrays import FloatArray
 
 RESAMPLED_STEP_M = 0.25e-3
 JOIN_LENGTH_M = 0.5
@@ -33,7 +33,7 @@ class Trajectory:
     """
 
     start_m: float
-    height_m: Real
+    height_m: FloatArray
     conditioning: tuple[str, ...] = ()
 
     @property
@@ -48,7 +48,7 @@ class Trajectory:
         first, last = (uneven[0] - 1, uneven[-1] + 1) if len(uneven) else (0, 0)
         return self.start_m + RESAMPLED_STEP_M * max(first, 0), self.start_m + RESAMPLED_STEP_M * last
 
-    def at(self, x_m: Real) -> Real:
+    def at(self, x_m: FloatArray) -> FloatArray:
         """Height at any distances from the weld's centre, shape of `x_m`: cubic spline, zero outside."""
         inside = (x_m > self.start_m) & (x_m < self.end_m)
         return np.where(inside, self.spline(np.clip(x_m, self.start_m, self.end_m)), 0.0)
@@ -59,7 +59,7 @@ class Trajectory:
         return CubicSpline(self.start_m + RESAMPLED_STEP_M * np.arange(len(self.height_m)), self.height_m)
 
 
-def wheel_trajectory(x_m: Real, z_m: Real, wheel_radius_m: float) -> Trajectory:
+def wheel_trajectory(x_m: FloatArray, z_m: FloatArray, wheel_radius_m: float) -> Trajectory:
     """The wheel centre's trajectory over a profile.
 
     Args:
@@ -80,14 +80,14 @@ def wheel_trajectory(x_m: Real, z_m: Real, wheel_radius_m: float) -> Trajectory:
     return Trajectory(float(grid[0]), rolled_over(surface, RESAMPLED_STEP_M, wheel_radius_m), notes)
 
 
-def rolled_over(surface_m: Real, step_m: float, wheel_radius_m: float) -> Real:
+def rolled_over(surface_m: FloatArray, step_m: float, wheel_radius_m: float) -> FloatArray:
     """Dilation of equidistant heights by the wheel's circle, same shape."""
     half = int(np.ceil(_reach(float(np.ptp(surface_m)), wheel_radius_m) / step_m))
     if half == 0:
         return np.array(surface_m)
     s = step_m * np.arange(-half, half + 1)
     circle = np.sqrt(wheel_radius_m**2 - s**2) - wheel_radius_m
-    rolled: Real = grey_dilation(surface_m, footprint=np.ones(len(s)), structure=circle, mode="nearest")
+    rolled: FloatArray = grey_dilation(surface_m, footprint=np.ones(len(s)), structure=circle, mode="nearest")
     return rolled
 
 
@@ -97,7 +97,7 @@ def _reach(height_m: float, wheel_radius_m: float) -> float:
     return float(np.sqrt(2 * wheel_radius_m * height - height**2))
 
 
-def joined(x_m: Real, z_m: Real) -> tuple[Real, Real, tuple[str, ...]]:
+def joined(x_m: FloatArray, z_m: FloatArray) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
     """The profile with half-cosine ramps to zero wherever an end does not lie there."""
     ramp = np.linspace(0.0, 1.0, 101)[1:]
     ease = 0.5 * (1 + np.cos(np.pi * ramp))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from weld_force_ros.core.track import Complex, Real
+from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,6 @@ class Wheel:
         """Slope of the Hertz law at the static load."""
         return float(1.5 * self.hertz_n_per_m15 ** (2 / 3) * self.static_load_n ** (1 / 3))
 
-    def compliance(self, omega: Real) -> Complex:
+    def compliance(self, omega: FloatArray) -> ComplexArray:
         """Contact spring and free wheel in series with the track as an irregularity meets them, m/N."""
         return np.asarray(1 / self.contact_stiffness_n_per_m - 1 / (self.mass_kg * omega**2), dtype=np.complex128)

@@ -10,7 +10,7 @@ from typing import TypeVar
 import msgspec
 import zstandard
 
-from weld_force_ros.contract import (
+from weld_force_ros.messages import (
     AssessmentSettings,
     ForceHistory,
     ForceMap,

@@ -7,7 +7,12 @@ import msgspec
 import numpy as np
 from msgspec import UNSET
 
-from weld_force_ros.contract import (
+from weld_force_ros.core.criteria import FORCE_CRITERIA, Passages, decides, passages
+from weld_force_ros.core.curves import surface_features
+from weld_force_ros.core.verdict import judged_part
+from weld_force_ros.core.weld import Trajectory, wheel_trajectory
+from weld_force_ros.errors import InputError
+from weld_force_ros.messages import (
     AssessmentSettings,
     Criterion,
     ForceHistory,
@@ -18,12 +23,7 @@ from weld_force_ros.contract import (
     Verdict,
     WeldProfile,
 )
-from weld_force_ros.core.criteria import FORCE_CRITERIA, Passages, decides, passages
-from weld_force_ros.core.curves import surface_features
-from weld_force_ros.core.track import Real
-from weld_force_ros.core.verdict import judged_part
-from weld_force_ros.core.weld import Trajectory, wheel_trajectory
-from weld_force_ros.errors import InputError
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report_page.numbers import decimals, known, short, significant, thinned
 from weld_force_ros.report_page.rows import ratio, what_to_measure
 from weld_force_ros.report_page.welds import Entry, Weld
@@ -125,7 +125,7 @@ def _curves(force_map: ForceMap, verdict: Verdict, limits: AssessmentSettings | 
     return {"speeds_kmh": short(speeds.tolist()), "series": series, "best": _best_over_positions(force_map)}
 
 
-def _within(limits: list[dict[str, Any]], speeds_kmh: Real, values: Real) -> str:
+def _within(limits: list[dict[str, Any]], speeds_kmh: FloatArray, values: FloatArray) -> str:
     """Of every speed, 1 if all speeds up to it are within the limit of a line of that speed, or none decides there."""
     so_far, within = np.maximum.accumulate(values), np.ones(len(values), dtype=bool)
     for limit in limits:
@@ -147,7 +147,7 @@ def _limit(limit: Limit | Criterion) -> dict[str, Any]:
     return {name: value for name, value in content.items() if value is not None}
 
 
-def _worst_over_positions(force_map: ForceMap) -> tuple[Real, Passages]:
+def _worst_over_positions(force_map: ForceMap) -> tuple[FloatArray, Passages]:
     """From the curve up to the highest speed computed, else from the map up to the line's speed."""
     curve, static_n = force_map.curve, force_map.static_load_n
     if curve is not UNSET:

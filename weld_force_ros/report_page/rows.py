@@ -5,7 +5,7 @@ from typing import Any
 
 from msgspec import UNSET
 
-from weld_force_ros.contract import Criterion, GrindingAdvice, Verdict
+from weld_force_ros.messages import Criterion, GrindingAdvice, Verdict
 from weld_force_ros.report_page.numbers import known, significant
 from weld_force_ros.report_page.welds import Entry, Weld
 

@@ -7,7 +7,8 @@ from pathlib import Path
 from msgspec.structs import replace as changed
 
 from weld_force_ros.assess import judge
-from weld_force_ros.contract import (
+from weld_force_ros.errors import InputError, MessageError, WeldForceError
+from weld_force_ros.messages import (
     AssessmentSettings,
     ForceHistory,
     ForceMap,
@@ -18,7 +19,6 @@ from weld_force_ros.contract import (
     WeldProfile,
     decode,
 )
-from weld_force_ros.errors import InputError, MessageError, WeldForceError
 from weld_force_ros.replay import Recording
 
 Grind = Callable[[WeldProfile, SimulationSettings, AssessmentSettings], GrindingAdvice]

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import msgspec
 
-from weld_force_ros.contract import MAX_MESSAGE_BYTES, Number
+from weld_force_ros.messages import MAX_MESSAGE_BYTES, Number
 
 MOST_PUBLISHERS = 1000
 """Of all topics together, that are told apart: names come from outside, and every restart brings new ones."""

@@ -14,7 +14,8 @@ from std_msgs.msg import String
 
 from weld_force_ros import assess
 from weld_force_ros.bag import MessageDefinition, Recorder
-from weld_force_ros.contract import (
+from weld_force_ros.errors import BagError, DiskFullError
+from weld_force_ros.messages import (
     TOPICS,
     AssessmentSettings,
     ForceHistory,
@@ -29,7 +30,6 @@ from weld_force_ros.contract import (
     WeldProfile,
     identity,
 )
-from weld_force_ros.errors import BagError, DiskFullError
 from weld_force_ros.ros import qos, twins
 from weld_force_ros.ros.definitions import message_definition
 from weld_force_ros.ros.health import TOPIC as DIAGNOSTICS_TOPIC

@@ -5,7 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from weld_force_ros.contract import (
+from weld_force_ros.dashboard import NEWEST, Board, Server
+from weld_force_ros.messages import (
     AssessmentSettings,
     ForceHistory,
     ForceMap,
@@ -15,7 +16,6 @@ from weld_force_ros.contract import (
     Verdict,
     WeldProfile,
 )
-from weld_force_ros.dashboard import NEWEST, Board, Server
 from weld_force_ros.report_page import page
 from weld_force_ros.ros.managed import CLOSE_S, ManagedNode
 from weld_force_ros.ros.messenger import Messenger, Sample

@@ -4,7 +4,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 
-from weld_force_ros.contract import MAX_IDS, Inquiry, Rejection, Settled, WeldProfile
+from weld_force_ros.messages import MAX_IDS, Inquiry, Rejection, Settled, WeldProfile
 from weld_force_ros.ros.messenger import Messenger, Sample
 from weld_force_ros.ros.qos import WINDOW
 

@@ -8,7 +8,8 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from weld_force_ros.bag import STRING, Recorded, stored
-from weld_force_ros.contract import (
+from weld_force_ros.errors import BagError
+from weld_force_ros.messages import (
     TOPICS,
     ForceMap,
     Message,
@@ -20,7 +21,6 @@ from weld_force_ros.contract import (
     WeldProfile,
     identity,
 )
-from weld_force_ros.errors import BagError
 
 AT_ONCE = 16
 """Measurements that are sent again together."""

@@ -18,9 +18,18 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.subscription import Subscription
 from std_msgs.msg import String
 
-from weld_force_ros import contract
-from weld_force_ros.contract import MAX_MESSAGE_BYTES, MAX_TEXT, TOPICS, Message, Rejection, Stamp, measurement_id
 from weld_force_ros.errors import InputError, MessageError
+from weld_force_ros.messages import (
+    MAX_MESSAGE_BYTES,
+    MAX_TEXT,
+    TOPICS,
+    Message,
+    Rejection,
+    Stamp,
+    decode,
+    encode,
+    measurement_id,
+)
 from weld_force_ros.ros import health, qos
 from weld_force_ros.ros.accounts import GapCounter, Header, header_of
 from weld_force_ros.ros.health import Health
@@ -221,7 +230,7 @@ class Messenger:
             now = self._node.get_clock().now().to_msg()
             message.stamp = Stamp(sec=now.sec, nanosec=now.nanosec)
             message.publisher, message.sequence = self.instance, self._sequence[kind]
-            self._outlets[kind].send(String(data=contract.encode(message).decode()))
+            self._outlets[kind].send(String(data=encode(message).decode()))
             self._sequence[kind] += 1
         self.health.count_published(TOPICS[kind].name)
 
@@ -308,7 +317,7 @@ class Messenger:
     def read(self, kind: type[M], incoming: Incoming, tell: Callable[[Rejection], None] = lambda _: None) -> M | None:
         """The message if it keeps the contract; otherwise None, and it is rejected, which `tell` is told."""
         try:
-            return contract.decode(kind, incoming.text)
+            return decode(kind, incoming.text)
         except MessageError as error:
             tell(self.reject(incoming.description, error, incoming.text))
             return None
@@ -316,14 +325,14 @@ class Messenger:
     def read_again(self, kind: type[M], cdr: bytes) -> M | None:
         """A serialised message that was recorded, if it keeps the contract."""
         try:
-            return contract.decode(kind, deserialize_message(cdr, String).data)
+            return decode(kind, deserialize_message(cdr, String).data)
         except MessageError:
             return None
 
     def read_quietly(self, kind: type[M], incoming: Incoming) -> M | None:
         """The message if it keeps the contract; otherwise None, which is only complained of."""
         try:
-            return contract.decode(kind, incoming.text)
+            return decode(kind, incoming.text)
         except MessageError as error:
             self.complain(f"{incoming.description}: {error.reason}")
             return None

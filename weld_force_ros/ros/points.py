@@ -5,9 +5,9 @@ import sys
 import numpy as np
 from sensor_msgs.msg import PointCloud2, PointField
 
-from weld_force_ros.contract import MAX_SAMPLES
-from weld_force_ros.core.track import Real
 from weld_force_ros.errors import MessageError
+from weld_force_ros.messages import MAX_SAMPLES
+from weld_force_ros.physics.arrays import FloatArray
 
 TOPIC = "rail_surface_points"
 
@@ -16,7 +16,7 @@ _OWN_POINT = np.dtype([("x", "f8"), ("y", "f4"), ("z", "f4")])
 _REMEDY = "publish fields x (chainage, m) and z (height, m, up) as float64, with sizes that fit the data"
 
 
-def samples_of(cloud: PointCloud2) -> tuple[Real, Real]:
+def samples_of(cloud: PointCloud2) -> tuple[FloatArray, FloatArray]:
     """Chainages and heights of a cloud in the order of its points, each (n,); further fields are left out.
 
     Raises:
@@ -48,14 +48,14 @@ def samples_of(cloud: PointCloud2) -> tuple[Real, Real]:
     return points["x"].astype(np.float64), points["z"].astype(np.float64)
 
 
-def coarseness_m(cloud: PointCloud2, chainage_m: Real) -> float:
+def coarseness_m(cloud: PointCloud2, chainage_m: FloatArray) -> float:
     """How far apart the chainages are that the cloud's form can tell apart here."""
     if not np.isfinite(chainage_m).any() or _column(cloud, "x").datatype != PointField.FLOAT32:
         return 0.0
     return float(np.spacing(np.float32(np.nanmax(np.abs(chainage_m)))))
 
 
-def cloud_of(chainage_m: Real, height_m: Real) -> PointCloud2:
+def cloud_of(chainage_m: FloatArray, height_m: FloatArray) -> PointCloud2:
     """A cloud of one row; y is 0."""
     points = np.zeros(len(chainage_m), _OWN_POINT)
     points["x"], points["z"] = chainage_m, height_m

@@ -11,8 +11,8 @@ from msgspec import UNSET
 from rclpy.clock import Clock, ClockType
 
 from weld_force_ros.columns import MAX_FILE_BYTES
-from weld_force_ros.contract import TOPICS, Inquiry, Rejection, Settled, WeldProfile, measurement_id
 from weld_force_ros.errors import InputError
+from weld_force_ros.messages import TOPICS, Inquiry, Rejection, Settled, WeldProfile, measurement_id
 from weld_force_ros.profiles import PlainForm, parse_profile
 from weld_force_ros.ros.dispatch import Dispatch
 from weld_force_ros.ros.folder import FolderWatcher

@@ -7,7 +7,7 @@ is pushed out of that depth, every live reader must have it (`messenger.Outlet`)
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from weld_force_ros.contract import (
+from weld_force_ros.messages import (
     AssessmentSettings,
     ForceHistory,
     ForceMap,

@@ -23,8 +23,8 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from weld_force_ros import assess
-from weld_force_ros.contract import ForceHistory, ForceMap, Message, Rejection, SimulationSettings, Verdict, WeldProfile
 from weld_force_ros.errors import InputError, WeldForceError
+from weld_force_ros.messages import ForceHistory, ForceMap, Message, Rejection, SimulationSettings, Verdict, WeldProfile
 from weld_force_ros.ros import environment
 from weld_force_ros.ros.assessment_node import AssessmentNode
 from weld_force_ros.ros.dashboard_node import DashboardNode

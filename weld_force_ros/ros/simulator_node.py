@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from weld_force_ros import assess
-from weld_force_ros.contract import (
+from weld_force_ros.messages import (
     TOPICS,
     ForceHistory,
     ForceMap,

@@ -9,8 +9,8 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from weld_force_ros import trolley
-from weld_force_ros.contract import TOPICS, RailSurface, WeldMarker
 from weld_force_ros.errors import InputError
+from weld_force_ros.messages import TOPICS, RailSurface, WeldMarker
 from weld_force_ros.ros import points, qos
 from weld_force_ros.ros.managed import CLOSE_S, ManagedNode
 from weld_force_ros.ros.messenger import Messenger

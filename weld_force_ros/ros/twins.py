@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import WrenchStamped
 from msgspec import UNSET
 
-from weld_force_ros.contract import Decision, Verdict
+from weld_force_ros.messages import Decision, Verdict
 from weld_force_ros.report_page.rows import permitted_kmh, ratio
 
 RAIL_FRAME = "rail"

@@ -9,7 +9,7 @@ from weld_force_ros.core.curves import curve_features
 from weld_force_ros.core.passage import History
 from weld_force_ros.core.spectra import CUT_HZ, Bands, Spectrum, bands, phase_at_peak
 from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.track import Real
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.studies import bands_figures, passages, records, variants
 from weld_force_ros.studies.laboratory import CONTINUOUS, Investigation, Laboratory, Measured, as_columns
 from weld_force_ros.studies.tables import Column, Table
@@ -32,7 +32,7 @@ class Parted:
     static_load_n: float
 
     @cached_property
-    def low_n(self) -> Real:
+    def low_n(self) -> FloatArray:
         """Dynamic force below the cut, (n,)."""
         return np.asarray(self.parts.low_n - self.static_load_n)
 
@@ -122,7 +122,7 @@ def _parts_table(welds: list[Variant], passages: list[dict[float, Parted]], show
     )  # fmt: skip
 
 
-def _curves_table(welds: list[Variant], speeds: Real, surfaces: list[Surface]) -> Table:
+def _curves_table(welds: list[Variant], speeds: FloatArray, surfaces: list[Surface]) -> Table:
     return Table(
         "Peak force over a weld and the same upside down",
         (Column("weld", "weld"), Column("speed_kmh", "km/h", 0), Column("peak_force_n", "N", 0)),
@@ -132,7 +132,7 @@ def _curves_table(welds: list[Variant], speeds: Real, surfaces: list[Surface]) -
 
 
 def _measured(
-    speeds: Real, surfaces: list[Surface], over: dict[float, Parted], over_inverse: dict[float, Parted]
+    speeds: FloatArray, surfaces: list[Surface], over: dict[float, Parted], over_inverse: dict[float, Parted]
 ) -> Measured:
     dip, rise = (surface.peak_force_n[:, 0] for surface in surfaces)
     inverted = curve_features(speeds, rise)
@@ -174,7 +174,7 @@ def _high_part(over: dict[float, Parted]) -> Measured:
     }
 
 
-def _places(speeds: Real, surface: Surface, over: dict[float, Parted]) -> Measured:
+def _places(speeds: FloatArray, surface: Surface, over: dict[float, Parted]) -> Measured:
     """Where the two peaks lie, and where the parts have theirs."""
     maximum_kmh = passages.first_maximum(passages.features(speeds, surface.peak_force_n[:, 0]))[0]
     leading_m = records.place_at(speeds, surface, maximum_kmh)

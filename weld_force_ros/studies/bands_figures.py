@@ -6,7 +6,7 @@ from typing import Protocol
 from weld_force_ros.core.passage import History
 from weld_force_ros.core.spectra import CUT_HZ, Bands, Spectrum
 from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.track import Real
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report import BLUE, GREEN, GREY, RED, as_text, new_figure
 from weld_force_ros.studies.laboratory import Picture
 from weld_force_ros.studies.spectrum_figures import mark_frequencies
@@ -25,7 +25,7 @@ class Parted(Protocol):
     @property
     def parts(self) -> Bands: ...  # noqa: D102
     @property
-    def low_n(self) -> Real: ...  # noqa: D102
+    def low_n(self) -> FloatArray: ...  # noqa: D102
     @property
     def spectrum(self) -> Spectrum: ...  # noqa: D102
 
@@ -55,7 +55,7 @@ def parts(weld: str, name: str, passages: Sequence[Parted], shown_m: tuple[float
     )  # fmt: skip
 
 
-def curves(labels: Sequence[str], speeds_kmh: Real, surfaces: Sequence[Surface]) -> Picture:
+def curves(labels: Sequence[str], speeds_kmh: FloatArray, surfaces: Sequence[Surface]) -> Picture:
     """Peak force against speed of a weld and its inverse."""
     figure = new_figure(7.0, 3.6)
     axes = figure.subplots()

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from weld_force_ros import plain_yaml
+from weld_force_ros import _yaml
 from weld_force_ros.errors import InputError
 from weld_force_ros.studies.tables import Column, Table
 
@@ -168,7 +168,7 @@ def parse(data: bytes, source: str) -> list[Claim]:
         InputError: not YAML, a field unknown, missing or out of place, or an id given twice.
     """
     try:
-        claims = plain_yaml.decode(data, list[Claim])
+        claims = _yaml.decode(data, list[Claim])
     except (msgspec.DecodeError, ValueError) as error:
         raise InputError(f"claims file {source}: {' '.join(str(error).split())}", _REMEDY) from None
     seen: set[str] = set()

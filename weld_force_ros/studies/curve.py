@@ -8,7 +8,7 @@ from weld_force_ros.core.curves import CurveFeatures
 from weld_force_ros.core.passage import History
 from weld_force_ros.core.peaks import Peak
 from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.track import Real
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report import new_figure
 from weld_force_ros.studies.laboratory import BILBAO, WELDS, Investigation, Laboratory, Measured, Picture, as_columns
 from weld_force_ros.studies.passages import features, first_maximum, hollow_after_maximum, split_peaks, two_highest
@@ -61,7 +61,9 @@ def _rows(history: History) -> list[tuple[float, ...]]:
     return as_columns(x[shown], history.force_n[shown])
 
 
-def _draw(lab: Laboratory, weld: str, speeds: Real, force_n: Real, histories: dict[float, History]) -> "Figure":
+def _draw(
+    lab: Laboratory, weld: str, speeds: FloatArray, force_n: FloatArray, histories: dict[float, History]
+) -> "Figure":
     figure = new_figure(7.0, 7.0)
     grid = figure.add_gridspec(3, 3, height_ratios=[1.5, 1, 1])
     above = figure.add_subplot(grid[0, :])
@@ -96,7 +98,7 @@ def _draw_history(axes: Any, history: History, static_n: float) -> None:
 
 
 def _measured(
-    lab: Laboratory, curve: CurveFeatures, speeds: Real, surface: Surface, histories: dict[float, History]
+    lab: Laboratory, curve: CurveFeatures, speeds: FloatArray, surface: Surface, histories: dict[float, History]
 ) -> Measured:
     static_n = lab.track(BILBAO).wheel.static_load_n
     maximum_kmh = first_maximum(curve)[0]

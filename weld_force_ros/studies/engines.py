@@ -13,8 +13,9 @@ from weld_force_ros import assess, tracks
 from weld_force_ros.assess import Simulator, simulation_settings
 from weld_force_ros.core.causality import acausal
 from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.track import Complex, Real, receptance
+from weld_force_ros.core.track import receptance
 from weld_force_ros.errors import InputError
+from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.studies import Stage, unseen
 from weld_force_ros.studies.comparison import Error, Passage, error_table, grouped, passage_table
 from weld_force_ros.studies.grids import Grid, ReferenceGrid, Rolling, peaks, referenced
@@ -104,11 +105,11 @@ class ReceptanceSection:
 
     track: str
     at_m: float
-    frequency_hz: Real
-    exact: Complex
-    causal: Complex
-    contact: Complex
-    engines: dict[str, Complex]
+    frequency_hz: FloatArray
+    exact: ComplexArray
+    causal: ComplexArray
+    contact: ComplexArray
+    engines: dict[str, ComplexArray]
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ class EnginesStudy:
 
 
 class _Fitted(Protocol):
-    def receptance(self, frequency_hz: ArrayLike, at_m: ArrayLike) -> Complex: ...
+    def receptance(self, frequency_hz: ArrayLike, at_m: ArrayLike) -> ComplexArray: ...
 
 
 def run(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from weld_force_ros.core.track import Complex
+from weld_force_ros.physics.arrays import ComplexArray
 from weld_force_ros.report import BLUE, GREEN, GREY, ORANGE, RED, new_figure, save
 from weld_force_ros.studies.comparison import Passage, error_of
 from weld_force_ros.studies.engines import FLATS, TARGETS, EnginesStudy, FlatCurve, ReceptanceSection
@@ -168,7 +168,7 @@ def hysteretic_receptance(sections: Sequence[ReceptanceSection]) -> "Figure":
 
 
 def _draw_receptance(
-    panels: "Sequence[Axes]", section: ReceptanceSection, name: str, values: Complex, style: dict[str, Any]
+    panels: "Sequence[Axes]", section: ReceptanceSection, name: str, values: ComplexArray, style: dict[str, Any]
 ) -> None:
     magnitude, phase, error = panels
     magnitude.plot(section.frequency_hz, np.abs(values) * 1e9, label=name, **style)

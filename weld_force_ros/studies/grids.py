@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 from weld_force_ros import profiles, tracks
 from weld_force_ros.core.shapes import cosine_dip
 from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import Trajectory, wheel_trajectory
 from weld_force_ros.errors import NumericalError
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.studies.comparison import Passage
 from weld_force_ros.studies.reference_peaks import ReferencePeaks
 from weld_force_ros.tracks import TrackDefinition
@@ -59,8 +59,8 @@ class ReferenceGrid:
     grid: Grid
     definition: TrackDefinition
     trajectories: list[Trajectory]
-    positions_m: Real
-    peak_n: Real
+    positions_m: FloatArray
+    peak_n: FloatArray
 
     def compared(self, engine: str, rig: Rolling) -> list[Passage]:
         """Every passage of the grid by another engine beside the reference's; NaN where it cannot follow."""
@@ -76,7 +76,7 @@ class ReferenceGrid:
         return passages
 
 
-def peaks(rig: Rolling, trajectory: Trajectory, speeds_kmh: Sequence[float], positions_m: Real) -> Real:
+def peaks(rig: Rolling, trajectory: Trajectory, speeds_kmh: Sequence[float], positions_m: FloatArray) -> FloatArray:
     """Peak forces over one shape, N, (n_speed, n_position); NaN at speeds that the engine cannot follow."""
     try:
         return rig.surface(trajectory, speeds_kmh, positions_m).peak_force_n
@@ -110,7 +110,7 @@ def trajectory(shape: str, definition: TrackDefinition) -> Trajectory:
     return wheel_trajectory(np.array(profile.x_m), np.array(profile.z_m), definition.wheel.radius_m)
 
 
-def sampled_cosine(length_m: float, depth_m: float) -> tuple[Real, Real]:
+def sampled_cosine(length_m: float, depth_m: float) -> tuple[FloatArray, FloatArray]:
     """Positions and heights of a cosine dip, m, each (n,)."""
     x = np.linspace(-length_m / 2, length_m / 2, round(length_m / _SAMPLE_M) + 1)
     return x, cosine_dip(x, length_m, depth_m)

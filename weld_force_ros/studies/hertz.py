@@ -3,7 +3,7 @@
 import numpy as np
 
 from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.track import Real
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report import as_text, new_figure
 from weld_force_ros.studies import passages, variants
 from weld_force_ros.studies.laboratory import CONTINUOUS, Investigation, Laboratory, Measured, Picture, as_columns
@@ -35,12 +35,12 @@ def run(lab: Laboratory) -> Investigation:
     return Investigation("hertz", "Stiffness of the contact", pictures, {"curves": table}, measured)
 
 
-def _surfaces(lab: Laboratory, welds: list[Variant], speeds: Real, gn_per_m15: float) -> list[Surface]:
+def _surfaces(lab: Laboratory, welds: list[Variant], speeds: FloatArray, gn_per_m15: float) -> list[Surface]:
     rig = lab.rig(CONTINUOUS, hertz_n_per_m15=gn_per_m15 * 1e9)
     return list(rig.surfaces([weld.trajectory for weld in welds], speeds, [0.0]))
 
 
-def _curves(welds: list[Variant], speeds: Real, surfaces: list[list[Surface]]) -> Picture:
+def _curves(welds: list[Variant], speeds: FloatArray, surfaces: list[list[Surface]]) -> Picture:
     figure = new_figure(7.0, 6.4)
     panels = figure.subplots(len(welds), 1, sharex=True)
     for row, stiffness, colour, style in zip(surfaces, STIFFNESSES_GN_PER_M15, COLOURS, _STYLES, strict=False):
@@ -58,7 +58,7 @@ def _curves(welds: list[Variant], speeds: Real, surfaces: list[list[Surface]]) -
     )  # fmt: skip
 
 
-def _changes(lab: Laboratory, welds: list[Variant], speeds: Real, surfaces: list[list[Surface]]) -> Picture:
+def _changes(lab: Laboratory, welds: list[Variant], speeds: FloatArray, surfaces: list[list[Surface]]) -> Picture:
     static_n = lab.rig(CONTINUOUS).wheel.static_load_n
     figure = new_figure(7.0, 3.2)
     axes = figure.subplots()
@@ -73,7 +73,7 @@ def _changes(lab: Laboratory, welds: list[Variant], speeds: Real, surfaces: list
     )  # fmt: skip
 
 
-def _measured(lab: Laboratory, speeds: Real, soft: list[Surface], stiff: list[Surface]) -> Measured:
+def _measured(lab: Laboratory, speeds: FloatArray, soft: list[Surface], stiff: list[Surface]) -> Measured:
     static_n = lab.rig(CONTINUOUS).wheel.static_load_n
     shown = speeds <= _LAST_KMH
     (soft_dip, soft_rise), (stiff_dip, stiff_rise) = (
@@ -91,9 +91,9 @@ def _measured(lab: Laboratory, speeds: Real, soft: list[Surface], stiff: list[Su
     }
 
 
-def _first_maximum(speeds: Real, force: Real) -> tuple[float, float]:
+def _first_maximum(speeds: FloatArray, force: FloatArray) -> tuple[float, float]:
     return passages.first_maximum(passages.features(speeds, force))
 
 
-def _first_angle(speeds: Real, surface: Surface) -> float:
+def _first_angle(speeds: FloatArray, surface: Surface) -> float:
     return [*passages.angles_kmh(speeds, surface), float("nan")][0]

@@ -14,8 +14,8 @@ import numpy as np
 
 from weld_force_ros.core.curves import SurfaceFeatures, surface_features
 from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import Trajectory
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report import new_figure
 from weld_force_ros.studies.laboratory import BILBAO, WELDS, Investigation, Laboratory, Measured, Picture, grid_rows
 from weld_force_ros.studies.map_figures import draw_surface, name_sleepers, outline
@@ -38,9 +38,9 @@ class Excess:
         smooth_n: dynamic force on smooth rail at the peak's place.
     """
 
-    dynamic_n: Real
-    increment_n: Real
-    smooth_n: Real
+    dynamic_n: FloatArray
+    increment_n: FloatArray
+    smooth_n: FloatArray
 
 
 def run(lab: Laboratory) -> Investigation:
@@ -73,7 +73,7 @@ def run(lab: Laboratory) -> Investigation:
     return Investigation("increment", "Increment over smooth rail", pictures, {"increment": table}, measured)
 
 
-def _excess(lab: Laboratory, weld: str, speeds_kmh: Real, positions_m: Real) -> Excess:
+def _excess(lab: Laboratory, weld: str, speeds_kmh: FloatArray, positions_m: FloatArray) -> Excess:
     # Made once, before threads ask for them.
     trajectory, rig = lab.trajectory(weld, BILBAO), lab.rig(BILBAO)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -81,7 +81,9 @@ def _excess(lab: Laboratory, weld: str, speeds_kmh: Real, positions_m: Real) -> 
         return Excess(*np.stack(list(rows), axis=1))
 
 
-def _at_speed(lab: Laboratory, rig: Rig, trajectory: Trajectory, positions_m: Real, speed_kmh: float) -> Real:
+def _at_speed(
+    lab: Laboratory, rig: Rig, trajectory: Trajectory, positions_m: FloatArray, speed_kmh: float
+) -> FloatArray:
     """The fields of `Excess` at one speed, (3, n_position)."""
     smooth, static_n = SmoothRail(lab, BILBAO, speed_kmh), rig.wheel.static_load_n
     found = np.empty((3, len(positions_m)))
@@ -97,11 +99,13 @@ def _at_speed(lab: Laboratory, rig: Rig, trajectory: Trajectory, positions_m: Re
     return found
 
 
-def _hollows(speeds_kmh: Real, positions_m: Real, force_n: Real, span_m: float) -> SurfaceFeatures:
+def _hollows(speeds_kmh: FloatArray, positions_m: FloatArray, force_n: FloatArray, span_m: float) -> SurfaceFeatures:
     return surface_features(speeds_kmh, positions_m, force_n, span_m, tolerance=SIGNIFICANT)
 
 
-def _draw(speeds: Real, positions: Real, excess: Excess, hollows: list[SurfaceFeatures], span_m: float) -> "Figure":
+def _draw(
+    speeds: FloatArray, positions: FloatArray, excess: Excess, hollows: list[SurfaceFeatures], span_m: float
+) -> "Figure":
     figure = new_figure(7.0, 6.2)
     grid = figure.add_gridspec(2, 2)
     forces = (excess.dynamic_n / 1e3, excess.increment_n / 1e3)
@@ -125,7 +129,7 @@ def _draw(speeds: Real, positions: Real, excess: Excess, hollows: list[SurfaceFe
     return figure
 
 
-def _draw_difference(speeds: Real, positions: Real, excess: Excess, span_m: float) -> "Figure":
+def _draw_difference(speeds: FloatArray, positions: FloatArray, excess: Excess, span_m: float) -> "Figure":
     figure = new_figure(7.0, 3.6)
     axes = figure.subplots()
     difference = (excess.dynamic_n - excess.increment_n) / 1e3
@@ -137,7 +141,9 @@ def _draw_difference(speeds: Real, positions: Real, excess: Excess, span_m: floa
     return figure
 
 
-def _measured(speeds: Real, positions: Real, excess: Excess, hollows: list[SurfaceFeatures], span_m: float) -> Measured:
+def _measured(
+    speeds: FloatArray, positions: FloatArray, excess: Excess, hollows: list[SurfaceFeatures], span_m: float
+) -> Measured:
     dynamic, increment = excess.dynamic_n, excess.increment_n
     cells = [int(shape.hollow.sum()) for shape in hollows]
     near = within(positions, 0.15, 0.35)
@@ -155,17 +161,17 @@ def _measured(speeds: Real, positions: Real, excess: Excess, hollows: list[Surfa
     }
 
 
-def _spread(force_n: Real) -> float:
+def _spread(force_n: FloatArray) -> float:
     return float(np.median(np.ptp(force_n, axis=1)))
 
 
-def _roughness(force_n: Real) -> float:
+def _roughness(force_n: FloatArray) -> float:
     """RMS of second differences along the position, round the span."""
     second = np.roll(force_n, 1, axis=1) - 2 * force_n + np.roll(force_n, -1, axis=1)
     return float(np.sqrt(np.mean(second**2)))
 
 
-def _sleeper_distance_of_highest(positions_m: Real, force_n: Real, span_m: float) -> float:
+def _sleeper_distance_of_highest(positions_m: FloatArray, force_n: FloatArray, span_m: float) -> float:
     """Mean distance to the nearest sleeper of the highest twentieth of cells."""
     distance = np.broadcast_to(np.minimum(positions_m, span_m - positions_m), force_n.shape)
     count = max(1, round(0.05 * force_n.size))

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from weld_force_ros import fits, profiles, tracks
-from weld_force_ros.contract import WeldProfile
 from weld_force_ros.core.passage import History, Rig
 from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import Trajectory, wheel_trajectory
 from weld_force_ros.core.wheel import Wheel
+from weld_force_ros.messages import WeldProfile
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.studies.tables import Table
 from weld_force_ros.tracks import TrackDefinition
 
@@ -104,7 +104,7 @@ class Laboratory:
             return self.own_weld
         return profiles.read_profile(profiles.find(name))
 
-    def trajectory(self, weld: str | tuple[Real, Real], track: str) -> Trajectory:
+    def trajectory(self, weld: str | tuple[FloatArray, FloatArray], track: str) -> Trajectory:
         """The wheel centre's way over a weld: a name, or positions and heights in m."""
         radius_m = self.track(track).wheel.radius_m
         if isinstance(weld, str):
@@ -114,7 +114,7 @@ class Laboratory:
 
     def surface(
         self,
-        weld: str | tuple[Real, Real],
+        weld: str | tuple[FloatArray, FloatArray],
         track: str,
         speeds_kmh: ArrayLike,
         positions_m: ArrayLike,
@@ -125,7 +125,9 @@ class Laboratory:
         rig = self.rig(track, hertz_n_per_m15=hertz_n_per_m15)
         return rig.surface(self.trajectory(weld, track), speeds_kmh, positions_m)
 
-    def history(self, weld: str | tuple[Real, Real], track: str, speed_kmh: float, position_m: float) -> History:
+    def history(
+        self, weld: str | tuple[FloatArray, FloatArray], track: str, speed_kmh: float, position_m: float
+    ) -> History:
         """One passage, from a span before the weld to two spans behind it."""
         trajectory = self.trajectory(weld, track)
         rig = self.rig(track)
@@ -138,16 +140,16 @@ class Laboratory:
         rig = self.rig(track)
         return rig.history(flat, speed_kmh, rig.model.spacing_m, until_m=spans * rig.model.spacing_m)
 
-    def speeds(self, first_kmh: float, last_kmh: float, step_kmh: float) -> Real:
+    def speeds(self, first_kmh: float, last_kmh: float, step_kmh: float) -> FloatArray:
         """A grid of speeds, both ends in it."""
         return self._thinned(np.arange(first_kmh, last_kmh + 0.5 * step_kmh, step_kmh))
 
-    def positions(self, track: str, count: int = 15) -> Real:
+    def positions(self, track: str, count: int = 15) -> FloatArray:
         """Equal steps over the span, from the sleeper on."""
         spacing_m = self.track(track).track.spacing_m
         return self._thinned(np.arange(count) * spacing_m / count)
 
-    def _thinned(self, values: Real) -> Real:
+    def _thinned(self, values: FloatArray) -> FloatArray:
         return values[::3] if self.coarse else values
 
     @cached_property
@@ -176,7 +178,7 @@ def as_columns(*columns: ArrayLike) -> list[tuple[float, ...]]:
 
 
 def grid_rows(
-    speeds_kmh: Sequence[float] | Real, positions_m: Sequence[float] | Real, *values: Real
+    speeds_kmh: Sequence[float] | FloatArray, positions_m: Sequence[float] | FloatArray, *values: FloatArray
 ) -> list[tuple[float, ...]]:
     """Rows of speed, position and values that are (n_speed, n_position) each."""
     speed, position = np.meshgrid(speeds_kmh, positions_m, indexing="ij")

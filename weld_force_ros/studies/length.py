@@ -5,7 +5,7 @@ import numpy as np
 from weld_force_ros.core.curves import CurveFeatures
 from weld_force_ros.core.passage import History
 from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.track import Real
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report import GREY, as_text, new_figure
 from weld_force_ros.studies import passages, records, variants
 from weld_force_ros.studies.laboratory import CONTINUOUS, Investigation, Laboratory, Measured, Picture, as_columns
@@ -39,11 +39,11 @@ def run(lab: Laboratory) -> Investigation:
     return Investigation("length", "Length of the weld", pictures, {"curves": table}, measured)
 
 
-def _features(speeds: Real, surface: Surface) -> CurveFeatures:
+def _features(speeds: FloatArray, surface: Surface) -> CurveFeatures:
     return passages.features(speeds, surface.peak_force_n[:, 0])
 
 
-def _curves(welds: list[Variant], speeds: Real, surfaces: list[Surface]) -> Picture:
+def _curves(welds: list[Variant], speeds: FloatArray, surfaces: list[Surface]) -> Picture:
     figure = new_figure(7.0, 6.0)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
     for weld, surface, colour in zip(welds, surfaces, COLOURS, strict=False):
@@ -68,7 +68,7 @@ def _curves(welds: list[Variant], speeds: Real, surfaces: list[Surface]) -> Pict
     )  # fmt: skip
 
 
-def _stretched(welds: list[Variant], speeds: Real, surfaces: list[Surface]) -> Picture:
+def _stretched(welds: list[Variant], speeds: FloatArray, surfaces: list[Surface]) -> Picture:
     figure = new_figure(7.0, 3.6)
     axes = figure.subplots()
     for weld, surface, colour, scale in zip(welds, surfaces, COLOURS, (1, 2), strict=False):
@@ -106,7 +106,7 @@ def _parting(weld: Variant, histories: list[History]) -> Picture:
     )  # fmt: skip
 
 
-def _measured(lab: Laboratory, speeds: Real, surfaces: list[Surface]) -> Measured:
+def _measured(lab: Laboratory, speeds: FloatArray, surfaces: list[Surface]) -> Measured:
     features = [_features(speeds, surface) for surface in surfaces]
     angles = [[*passages.angles_kmh(speeds, surface), np.nan, np.nan] for surface in surfaces]
     maxima_kmh = [passages.first_maximum(feature)[0] for feature in features]

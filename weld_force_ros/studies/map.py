@@ -7,7 +7,7 @@ import numpy as np
 
 from weld_force_ros.core.curves import CurveFeatures
 from weld_force_ros.core.geometry import classify
-from weld_force_ros.core.track import Real
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.studies import map_figures
 from weld_force_ros.studies.laboratory import WELDS, Investigation, Laboratory, Measured, grid_rows
 from weld_force_ros.studies.passages import SIGNIFICANT, first_maximum, hollow_after_maximum
@@ -151,7 +151,7 @@ def _depths(curve: CurveFeatures, first_kmh: float, last_kmh: float) -> list[flo
     return [hollow.depth_n for hollow in curve.hollows if first_kmh <= hollow.lowest_kmh <= last_kmh]
 
 
-def _steepest_fall(speeds_kmh: Real, force_n: Real) -> float:
+def _steepest_fall(speeds_kmh: FloatArray, force_n: FloatArray) -> float:
     """Largest -dF/dv from 60 to 120 km/h, 0 if the force only rises."""
     near = within(speeds_kmh, 60, 120)
     return float(max(0.0, *(-np.diff(force_n[near]) / np.diff(speeds_kmh[near]))))

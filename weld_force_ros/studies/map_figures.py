@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from weld_force_ros.core.track import Real
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report import new_figure
 from weld_force_ros.studies.laboratory import Picture
 from weld_force_ros.studies.style import MAP, draw_map
@@ -31,7 +31,9 @@ def picture(weld: WeldMap) -> Picture:
     return Picture(weld.file_name, weld.name, caption, figure)
 
 
-def draw_surface(axes: Any, positions_m: Real, speeds_kmh: Real, values: Real, span_m: float, **how: Any) -> None:
+def draw_surface(
+    axes: Any, positions_m: FloatArray, speeds_kmh: FloatArray, values: FloatArray, span_m: float, **how: Any
+) -> None:
     """Values (n_speed, n_position) as a 3D surface over position and speed, the span closed, sleepers dashed."""
     closed = np.append(positions_m, positions_m[0] + span_m) * 100
     values = np.column_stack([values, values[:, 0]])
@@ -48,7 +50,7 @@ def draw_surface(axes: Any, positions_m: Real, speeds_kmh: Real, values: Real, s
     axes.view_init(elev=28, azim=-55)
 
 
-def outline(axes: Any, positions_m: Real, speeds_kmh: Real, mask: NDArray[np.bool_], span_m: float) -> None:
+def outline(axes: Any, positions_m: FloatArray, speeds_kmh: FloatArray, mask: NDArray[np.bool_], span_m: float) -> None:
     """White lines round the cells of a mask (n_speed, n_position) on a map, and hatching inside."""
     closed = np.append(positions_m, positions_m[0] + span_m) * 100
     cells = np.column_stack([mask, mask[:, 0]]).astype(float)

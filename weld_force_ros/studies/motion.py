@@ -7,7 +7,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from weld_force_ros.core.passage import History
-from weld_force_ros.core.track import Real
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report import new_figure
 from weld_force_ros.studies.laboratory import BILBAO, WELDS, Investigation, Laboratory, Measured, Picture, as_columns
 from weld_force_ros.studies.passages import SmoothRail
@@ -40,11 +40,11 @@ class Motion:
         height_m: of the weld, as the wheel's centre sees it.
     """
 
-    x_m: Real
-    force_n: Real
-    wheel_m: Real
-    surface_m: Real
-    height_m: Real
+    x_m: FloatArray
+    force_n: FloatArray
+    wheel_m: FloatArray
+    surface_m: FloatArray
+    height_m: FloatArray
 
     def on(self, first_m: float, last_m: float) -> "Motion":
         """The part between two distances from the weld's centre."""
@@ -52,7 +52,7 @@ class Motion:
         return Motion(*(column[part] for column in self.columns))
 
     @property
-    def columns(self) -> tuple[Real, ...]:
+    def columns(self) -> tuple[FloatArray, ...]:
         """The fields in their order."""
         return self.x_m, self.force_n, self.wheel_m, self.surface_m, self.height_m
 

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from weld_force_ros import tracks
 from weld_force_ros.core.passage import Rig
 from weld_force_ros.core.poles import PoleModel, fit_track, relative_error
-from weld_force_ros.core.track import Real
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.studies import Stage
 from weld_force_ros.studies.comparison import Error, error_of
 from weld_force_ros.studies.grids import ReferenceGrid, trajectory
@@ -83,7 +83,7 @@ def order_effects(
     return effects
 
 
-def sharp_angles(speeds_kmh: Sequence[float], peak_x_m: Real, length_m: float = ANGLE_LENGTH_M) -> list[float]:
+def sharp_angles(speeds_kmh: Sequence[float], peak_x_m: FloatArray, length_m: float = ANGLE_LENGTH_M) -> list[float]:
     """Speeds, halfway between two given ones, at which the peak's place (n_speed,) jumps."""
     speeds = np.asarray(speeds_kmh)
     jumps = np.abs(np.diff(peak_x_m)) > length_m / 10
@@ -99,7 +99,7 @@ def _fitted(definition: TrackDefinition, order: int) -> tuple[PoleModel, float]:
 
 def _reference_places(
     definition: TrackDefinition, kept: ReferencePeaks, speeds_kmh: Sequence[float], on_speed: Callable[[], object]
-) -> Real:
+) -> FloatArray:
     dip = trajectory(ANGLE_SHAPE, definition)
     places = []
     for speed in speeds_kmh:

@@ -9,14 +9,14 @@ from weld_force_ros.core.curves import CurveFeatures, Hollow, curve_features, sh
 from weld_force_ros.core.passage import History
 from weld_force_ros.core.peaks import Peak, local_peaks
 from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.track import Real
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.studies.laboratory import Laboratory
 
 SIGNIFICANT = 0.02  # of a curve's largest less smallest force: what counts as an extremum or a hollow
 _BESIDE_M = (-0.050, 0.200)
 
 
-def features(speeds_kmh: Real, force_n: Real) -> CurveFeatures:
+def features(speeds_kmh: FloatArray, force_n: FloatArray) -> CurveFeatures:
     """Extrema and hollows that are significant."""
     return curve_features(speeds_kmh, force_n, prominence=SIGNIFICANT, tolerance=SIGNIFICANT)
 
@@ -26,7 +26,7 @@ def first_maximum(curve: CurveFeatures) -> tuple[float, float]:
     return (curve.maxima[0].speed_kmh, curve.maxima[0].force_n) if curve.maxima else (np.nan, np.nan)
 
 
-def angles_kmh(speeds_kmh: Real, surface: Surface) -> list[float]:
+def angles_kmh(speeds_kmh: FloatArray, surface: Surface) -> list[float]:
     """Sharp angles of the curve at the surface's first position, the weld's centre being over the sleeper."""
     return sharp_angles(speeds_kmh, surface.peak_force_n[:, 0], surface.peak_x_m[:, 0])
 
@@ -65,18 +65,18 @@ class SmoothRail:
     def _span(self) -> History:
         return self.lab.smooth_rail(self.track, self.speed_kmh, 2)
 
-    def force_n(self, x_m: Real) -> Real:
+    def force_n(self, x_m: FloatArray) -> FloatArray:
         """Contact force at places from a sleeper."""
         return self._at(x_m, self._span.force_n)
 
-    def wheel_m(self, x_m: Real) -> Real:
+    def wheel_m(self, x_m: FloatArray) -> FloatArray:
         """Wheel displacement, positive up, at places from a sleeper."""
         return self._at(x_m, self._span.wheel_m)
 
-    def rail_m(self, x_m: Real) -> Real:
+    def rail_m(self, x_m: FloatArray) -> FloatArray:
         """Rail displacement, positive up, under the wheel at places from a sleeper."""
         return self._at(x_m, self._span.rail_m)
 
-    def _at(self, x_m: Real, values: Real) -> Real:
+    def _at(self, x_m: FloatArray, values: FloatArray) -> FloatArray:
         spacing_m = self.lab.track(self.track).track.spacing_m
         return np.interp(np.mod(x_m, spacing_m), self._span.x_m, values)

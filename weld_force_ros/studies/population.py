@@ -10,7 +10,7 @@ from dataclasses import asdict
 import numpy as np
 
 from weld_force_ros.core.population import population, without_short_waves
-from weld_force_ros.core.track import Real
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.studies import population_figures as figures
 from weld_force_ros.studies.laboratory import BILBAO, Investigation, Laboratory, Measured, Picture, as_columns
 from weld_force_ros.studies.population_rolling import (
@@ -72,7 +72,7 @@ def run(lab: Laboratory) -> Investigation:
     return Investigation("population", "A population of welds", pictures, tables, measured)
 
 
-def _own_curves(lab: Laboratory, speeds: Real) -> list[Curve]:
+def _own_curves(lab: Laboratory, speeds: FloatArray) -> list[Curve]:
     if lab.own_weld is None:
         return []
     surface = lab.surface(lab.own_weld.weld_id, BILBAO, speeds, POSITIONS_M)
@@ -122,7 +122,7 @@ def _welds(cases: list[Case]) -> Table:
     return Table("Welds: made with, classified, rolled over", tuple(map(Column, names)), rows)
 
 
-def _inversions(speeds: Real, pairs: Inverted) -> Table:
+def _inversions(speeds: FloatArray, pairs: Inverted) -> Table:
     below = (pairs.dip_n < pairs.rise_n).mean(axis=(0, 2))
     columns = (
         Column("speed_kmh", "km/h", 0), Column("share_dip_below", "dip gives less", 3),
@@ -135,7 +135,7 @@ def _inversions(speeds: Real, pairs: Inverted) -> Table:
     )  # fmt: skip
 
 
-def _measured(lab: Laboratory, speeds: Real, cases: list[Case], pairs: Inverted) -> Measured:
+def _measured(lab: Laboratory, speeds: FloatArray, cases: list[Case], pairs: Inverted) -> Measured:
     dips, protrusions = (curves_of(cases, kind) for kind in KINDS)
     return {
         "population.non_monotonic_share_dips": with_hollow(dips) / max(len(dips), 1),

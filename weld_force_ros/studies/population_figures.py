@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from weld_force_ros.core.track import Real
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report import GREY, new_figure
 from weld_force_ros.studies.population_rolling import (
     KINDS,
@@ -76,7 +76,7 @@ def linearities(cases: list[Case], without: list[Case], own: Sequence[Curve]) ->
     return figure
 
 
-def against_inverted(speeds: Real, pairs: Inverted) -> "Figure":
+def against_inverted(speeds: FloatArray, pairs: Inverted) -> "Figure":
     """Dips against their inversions: how often better by speed, and by how much by the frequency of passing."""
     figure = new_figure(7.0, 3.6)
     axes = figure.subplots(1, 2)

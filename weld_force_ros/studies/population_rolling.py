@@ -11,8 +11,8 @@ from weld_force_ros.core.geometry import Geometry, classify, quality_index
 from weld_force_ros.core.passage import Rig
 from weld_force_ros.core.population import SyntheticWeld
 from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import Trajectory
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.studies.laboratory import BILBAO, Laboratory
 from weld_force_ros.studies.passages import SmoothRail, features
 
@@ -74,13 +74,13 @@ class Inverted:
         frequency_hz: (n_weld, n_speed), of passing the main wave.
     """
 
-    dip_n: Real
-    rise_n: Real
+    dip_n: FloatArray
+    rise_n: FloatArray
     becomes_protrusion: NDArray[np.bool_]
-    frequency_hz: Real
+    frequency_hz: FloatArray
 
 
-def rolled(lab: Laboratory, speeds_kmh: Real, welds: list[SyntheticWeld]) -> list[Case]:
+def rolled(lab: Laboratory, speeds_kmh: FloatArray, welds: list[SyntheticWeld]) -> list[Case]:
     """Welds at every speed and position."""
     trajectories = [lab.trajectory((weld.x_m, weld.z_m), BILBAO) for weld in welds]
     surfaces = lab.rig(BILBAO).surfaces(trajectories, speeds_kmh, POSITIONS_M)
@@ -97,14 +97,14 @@ def rolled(lab: Laboratory, speeds_kmh: Real, welds: list[SyntheticWeld]) -> lis
     ]  # fmt: skip
 
 
-def curve(speeds_kmh: Real, force_n: Real) -> Curve:
+def curve(speeds_kmh: FloatArray, force_n: FloatArray) -> Curve:
     """What is asked of a force-speed curve."""
     shape = features(speeds_kmh, force_n)
     fall_n = max((hollow.depth_n for hollow in shape.hollows), default=0.0)
     return Curve(shape.monotonic, fall_n / float(np.ptp(force_n)), shape.linearity)
 
 
-def inverted(lab: Laboratory, speeds_kmh: Real, cases: list[Case]) -> Inverted:
+def inverted(lab: Laboratory, speeds_kmh: FloatArray, cases: list[Case]) -> Inverted:
     """The welds of the class `dip`, and the same upside down."""
     dips = [case for case in cases if case.geometry.kind == "dip"]
     rig = lab.rig(BILBAO)
@@ -139,12 +139,12 @@ def median_linearity(curves: list[Curve]) -> float:
     return float(np.median([curve.linearity for curve in curves])) if curves else float("nan")
 
 
-def ratio_quartiles(pairs: Inverted) -> Real:
+def ratio_quartiles(pairs: Inverted) -> FloatArray:
     """Quartiles of the dip's dynamic force over its inversion's, (3, n_speed)."""
     return np.asarray(np.quantile(pairs.dip_n / pairs.rise_n, _QUARTILES, axis=(0, 2)))
 
 
-def ratios_by_frequency(pairs: Inverted) -> tuple[Real, Real]:
+def ratios_by_frequency(pairs: Inverted) -> tuple[FloatArray, FloatArray]:
     """Quartiles of the same against the frequency of passing, where the inversion is of the other class.
 
     Returns:
@@ -160,7 +160,7 @@ def ratios_by_frequency(pairs: Inverted) -> tuple[Real, Real]:
     return np.array(centres), np.array(quartiles).T
 
 
-def parametric_share(lab: Laboratory, speeds_kmh: Real, cases: list[Case]) -> float:
+def parametric_share(lab: Laboratory, speeds_kmh: FloatArray, cases: list[Case]) -> float:
     """Share of the smoothest third whose increment over the smooth rail keeps below that rail's own range.
 
     Both over all speeds; the increment is the largest force less the smooth rail's at the same place and speed.
@@ -175,7 +175,7 @@ def parametric_share(lab: Laboratory, speeds_kmh: Real, cases: list[Case]) -> fl
     return 1 - float(np.mean(exceeded))
 
 
-def _exceeds(rig: Rig, case: Case, smooth: list[SmoothRail], span_n: Real) -> bool:
+def _exceeds(rig: Rig, case: Case, smooth: list[SmoothRail], span_n: FloatArray) -> bool:
     """Whether the increment exceeds the smooth rail's range at some speed and position."""
     range_n = float(np.ptp(span_n, axis=1).max())
     peak_n, peak_x_m = case.surface.peak_force_n, case.surface.peak_x_m

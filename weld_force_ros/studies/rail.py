@@ -10,8 +10,9 @@ from weld_force_ros.core import strip
 from weld_force_ros.core import track as core_tracks
 from weld_force_ros.core.outline import Dimensions
 from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.track import Complex, Rail, Real, StripRail
+from weld_force_ros.core.track import Rail, StripRail
 from weld_force_ros.core.weld import wheel_trajectory
+from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.studies import rail_figures
 from weld_force_ros.studies.laboratory import DIP_48, WELDS, Investigation, Measured, as_columns
 from weld_force_ros.studies.rail_figures import Forces
@@ -100,7 +101,7 @@ def _both(beam: TrackDefinition, strips: TrackDefinition) -> tuple[tuple[str, Tr
     return ("beam", beam), ("strip", strips)
 
 
-def _wavenumbers(rail: Rail, frequency_hz: Real) -> Real:
+def _wavenumbers(rail: Rail, frequency_hz: FloatArray) -> FloatArray:
     """Wavenumbers (n_wave, n_frequency) of the free rail's travelling waves, without loss; NaN of those that decay."""
     decay = core_tracks.free_decay(replace(rail, loss_factor=0.0), frequency_hz)
     return np.where(np.abs(decay.real) <= 1e-6 * np.abs(decay), np.abs(decay.imag), np.nan)
@@ -138,7 +139,7 @@ def _forces(
     return found
 
 
-def _parting(frequency_hz: Real, at_m: Real, receptances: dict[str, Complex]) -> Table:
+def _parting(frequency_hz: FloatArray, at_m: FloatArray, receptances: dict[str, ComplexArray]) -> Table:
     apart = np.abs(receptances["strip"] / receptances["beam"] - 1)
     columns = [Column("at_m", "after the sleeper, m", 2), Column("below_500hz", "most below 500 Hz, %", 1)]
     columns += [Column(f"over_{share * 100:g}_percent_hz", f"first over {share * 100:g} %, Hz", 0) for share in PARTING]
@@ -149,7 +150,7 @@ def _parting(frequency_hz: Real, at_m: Real, receptances: dict[str, Complex]) ->
     return Table("Where the receptances part", tuple(columns), rows)
 
 
-def _first_over(frequency_hz: Real, apart: Real, share: float) -> float | None:
+def _first_over(frequency_hz: FloatArray, apart: FloatArray, share: float) -> float | None:
     over = np.flatnonzero(apart > share)
     return float(frequency_hz[over[0]]) if len(over) else None
 
@@ -174,7 +175,7 @@ def _force_table(forces: list[Forces]) -> Table:
     )  # fmt: skip
 
 
-def _receptance_table(frequency_hz: Real, at_m: Real, receptances: dict[str, Complex]) -> Table:
+def _receptance_table(frequency_hz: FloatArray, at_m: FloatArray, receptances: dict[str, ComplexArray]) -> Table:
     columns = [Column("frequency_hz", "Hz", 0)]
     columns += [Column(f"{name}_at_{x * 100:.0f}_cm_m_per_n") for name in receptances for x in at_m]
     magnitudes = [np.abs(row) for rows in receptances.values() for row in rows]
@@ -184,8 +185,8 @@ def _receptance_table(frequency_hz: Real, at_m: Real, receptances: dict[str, Com
 def _measured(
     beam: TrackDefinition,
     strips: TrackDefinition,
-    frequency_hz: Real,
-    receptances: dict[str, Complex],
+    frequency_hz: FloatArray,
+    receptances: dict[str, ComplexArray],
     forces: list[Forces],
 ) -> Measured:
     apart = np.abs(receptances["strip"] / receptances["beam"] - 1)

@@ -9,7 +9,7 @@ import numpy as np
 from weld_force_ros.core.section import Mesh
 from weld_force_ros.core.strip import WaveShape
 from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.track import Complex, Real
+from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.report import BLUE, GREY, RED, new_figure
 from weld_force_ros.studies.laboratory import Picture
 from weld_force_ros.studies.style import COLOURS
@@ -36,22 +36,22 @@ class Forces:
     """Peak forces over a weld on either rail, (n_speed, n_position)."""
 
     weld: str
-    speeds_kmh: Real
+    speeds_kmh: FloatArray
     beam: Surface
     strip: Surface
 
     @property
-    def difference(self) -> Real:
+    def difference(self) -> FloatArray:
         """Of the strip's peak force from the beam's, relative."""
         return np.asarray(self.strip.peak_force_n / self.beam.peak_force_n - 1)
 
     @property
-    def worst(self) -> tuple[Real, Real]:
+    def worst(self) -> tuple[FloatArray, FloatArray]:
         """The worst position's force at each speed, beam and strip."""
         return self.beam.peak_force_n.max(axis=1), self.strip.peak_force_n.max(axis=1)
 
 
-def dispersion(frequency_hz: Real, waves: dict[str, Real]) -> Picture:
+def dispersion(frequency_hz: FloatArray, waves: dict[str, FloatArray]) -> Picture:
     """Wavenumbers of travelling waves over frequency."""
     figure = new_figure(7.0, 4.4)
     axes = figure.subplots()
@@ -69,7 +69,7 @@ def dispersion(frequency_hz: Real, waves: dict[str, Real]) -> Picture:
     )  # fmt: skip
 
 
-def receptances(frequency_hz: Real, at_m: Real, found: dict[str, Complex]) -> Picture:
+def receptances(frequency_hz: FloatArray, at_m: FloatArray, found: dict[str, ComplexArray]) -> Picture:
     """Receptances of the track with either rail."""
     figure = new_figure(7.0, 2.4 * len(at_m) + 0.6)
     panels = figure.subplots(len(at_m), 1, sharex=True, sharey=True)
@@ -88,7 +88,7 @@ def receptances(frequency_hz: Real, at_m: Real, found: dict[str, Complex]) -> Pi
     )  # fmt: skip
 
 
-def differences(frequency_hz: Real, at_m: Real, found: dict[str, Complex]) -> Picture:
+def differences(frequency_hz: FloatArray, at_m: FloatArray, found: dict[str, ComplexArray]) -> Picture:
     """How far the receptances are apart."""
     figure = new_figure(7.0, 3.8)
     axes = figure.subplots()
@@ -157,7 +157,7 @@ def _say_where(axes: "Axes", at_m: float) -> None:
     axes.text(0.99, 0.95, f"{at_m * 100:.0f} cm after the sleeper", transform=axes.transAxes, ha="right", va="top")
 
 
-def _over_frequency(axes: "Axes", frequency_hz: Real) -> None:
+def _over_frequency(axes: "Axes", frequency_hz: FloatArray) -> None:
     axes.set(xscale="log", xlabel="frequency, Hz", xlim=(20, frequency_hz[-1]))
     axes.set_xticks([20, 50, 100, 200, 500, 1000, 2000, 5000], ["20", "50", "100", "200", "500", "1k", "2k", "5k"])
     axes.minorticks_off()

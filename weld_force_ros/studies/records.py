@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from weld_force_ros.core.passage import History, Rig
 from weld_force_ros.core.spectra import SpectralPeak, Spectrum, amplitude_spectrum, spectral_peaks
 from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import RESAMPLED_STEP_M, Trajectory
+from weld_force_ros.physics.arrays import FloatArray
 
 MARGIN_M = 6.0  # the wheelset on the track has come to rest within it, and the taper's ends lie in it
 CLEAR = 0.01  # of the largest amplitude: how far a spectral peak stands out
@@ -54,7 +54,7 @@ def first_two_hz(peaks: list[SpectralPeak]) -> tuple[float, float]:
     return first, second
 
 
-def place_at(speeds_kmh: Real, surface: Surface, speed_kmh: float) -> float:
+def place_at(speeds_kmh: FloatArray, surface: Surface, speed_kmh: float) -> float:
     """Where the force peaks at the computed speed nearest to another, at the surface's first position."""
     if not np.isfinite(speed_kmh):
         return float("nan")

@@ -13,10 +13,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from weld_force_ros import __version__, user_cache
+from weld_force_ros import __version__, _files
 from weld_force_ros.core import reference, track
-from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import Trajectory
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.tracks import TrackDefinition
 
 
@@ -30,8 +30,8 @@ class ReferencePeaks:
     folder: Path
 
     def at_speed(
-        self, definition: TrackDefinition, trajectories: Sequence[Trajectory], speed_kmh: float, positions_m: Real
-    ) -> Real:
+        self, definition: TrackDefinition, trajectories: Sequence[Trajectory], speed_kmh: float, positions_m: FloatArray
+    ) -> FloatArray:
         """Peak force (N) and its place (m) of every passage at one speed, (n_trajectory, 2, n_position).
 
         Raises:
@@ -51,12 +51,12 @@ class ReferencePeaks:
         return np.stack([known[weld] for weld in welds])
 
 
-def _key(definition: TrackDefinition, speed_kmh: float, positions_m: Real) -> str:
+def _key(definition: TrackDefinition, speed_kmh: float, positions_m: FloatArray) -> str:
     numbers = [_engine(), asdict(definition.track) | {"name": ""}, asdict(definition.wheel), float(speed_kmh)]
     return _digest(msgspec.json.encode(numbers, order="sorted").decode(), positions_m)
 
 
-def _digest(number: float | str, array: Real) -> str:
+def _digest(number: float | str, array: FloatArray) -> str:
     return hashlib.sha256(repr(number).encode() + np.asarray(array, dtype=np.float64).tobytes()).hexdigest()[:32]
 
 
@@ -67,7 +67,7 @@ def _engine() -> str:
     return hashlib.sha256("".join([__version__, *sources]).encode()).hexdigest()
 
 
-def _read(path: Path) -> dict[str, Real]:
+def _read(path: Path) -> dict[str, FloatArray]:
     # Opened here: of a damaged file, np.load leaves the handle open.
     with contextlib.suppress(OSError, ValueError, EOFError, zipfile.BadZipFile), path.open("rb") as file:
         entries = np.load(file)
@@ -75,8 +75,8 @@ def _read(path: Path) -> dict[str, Real]:
     return {}
 
 
-def _write(path: Path, entries: dict[str, Real]) -> None:
+def _write(path: Path, entries: dict[str, FloatArray]) -> None:
     """Write so that a run that is stopped leaves the whole file or none."""
     content = io.BytesIO()
     np.savez(content, **entries)  # type: ignore[arg-type]  # keywords are arrays, not allow_pickle
-    user_cache.write_whole(content.getvalue(), path)
+    _files.write_whole(content.getvalue(), path)

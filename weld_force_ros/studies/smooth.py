@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from weld_force_ros.core.track import Real
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report import new_figure
 from weld_force_ros.studies.laboratory import BILBAO, Investigation, Laboratory, Measured, Picture, as_columns
 from weld_force_ros.studies.style import COLOURS, mark_sleepers
@@ -44,7 +44,7 @@ def run(lab: Laboratory) -> Investigation:
     return Investigation("smooth", "Parametric excitation", [picture], {"force": table}, measured)
 
 
-def _whole_spans(x_m: Real, force_n: Real, span_m: float) -> tuple[Real, Real]:
+def _whole_spans(x_m: FloatArray, force_n: FloatArray, span_m: float) -> tuple[FloatArray, FloatArray]:
     """The last whole spans from a sleeper on."""
     step_m = x_m[1] - x_m[0]
     points = round(span_m / step_m)
@@ -54,7 +54,7 @@ def _whole_spans(x_m: Real, force_n: Real, span_m: float) -> tuple[Real, Real]:
     return x_m[begin : begin + count], force_n[begin : begin + count]
 
 
-def _measured(spans: list[tuple[Real, Real]], span_m: float) -> Measured:
+def _measured(spans: list[tuple[FloatArray, FloatArray]], span_m: float) -> Measured:
     places, wavelengths, shares = [], [], []
     for x, force in spans:
         count = round((x[-1] - x[0]) / span_m)

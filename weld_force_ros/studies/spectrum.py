@@ -12,7 +12,7 @@ from weld_force_ros.core.spectra import (
     spectral_peaks,
     wheelset_track_receptance,
 )
-from weld_force_ros.core.track import Complex, Real
+from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.studies import records
 from weld_force_ros.studies.laboratory import (
     BILBAO,
@@ -57,7 +57,7 @@ def run(lab: Laboratory) -> Investigation:
     return Investigation("spectrum", "Wavelengths and resonances", pictures, tables, measured)
 
 
-def _receptances(lab: Laboratory) -> dict[str, Complex]:
+def _receptances(lab: Laboratory) -> dict[str, ComplexArray]:
     """Track alone: at the sections of Fig. 5, over the whole span, where the wheel rolls; and with the wheelset."""
     discrete, continuous = lab.track(BILBAO).track, lab.track(CONTINUOUS)
     span = tracks.receptance(discrete, _FREQUENCIES_HZ, tracks.sections(discrete, 15))
@@ -75,7 +75,7 @@ def _excitation(lab: Laboratory, weld: str, speed_kmh: float) -> Excitation:
     return Excitation(weld, speed_kmh, force, irregularity)
 
 
-def _receptance_table(receptances: dict[str, Complex]) -> Table:
+def _receptance_table(receptances: dict[str, ComplexArray]) -> Table:
     names = ("span_mean", "rolled_over", "wheelset_track")
     return Table(
         "Magnitude of receptance",
@@ -101,7 +101,7 @@ def _spectra_table(excitations: list[Excitation]) -> Table:
 
 
 def _measured(
-    lab: Laboratory, receptances: dict[str, Complex], excitations: list[Excitation], over_dip: Excitation
+    lab: Laboratory, receptances: dict[str, ComplexArray], excitations: list[Excitation], over_dip: Excitation
 ) -> Measured:
     first, second, *_ = [*resonances_hz(_FREQUENCIES_HZ, receptances["wheelset_track"][0]), np.nan, np.nan]
     dip_first, dip_second = records.first_two_hz(spectral_peaks(over_dip.force, records.CLEAR))
@@ -115,7 +115,7 @@ def _measured(
     }
 
 
-def _track_alone(lab: Laboratory, receptances: dict[str, Complex]) -> Measured:
+def _track_alone(lab: Laboratory, receptances: dict[str, ComplexArray]) -> Measured:
     pinned_hz = tracks.pinned_pinned_hz(lab.track(BILBAO).track)
     ratio = _ratio(receptances["sections"])
     near_pinned = np.abs(_FREQUENCIES_HZ / pinned_hz - 1) <= _NEAR
@@ -130,7 +130,7 @@ def _track_alone(lab: Laboratory, receptances: dict[str, Complex]) -> Measured:
     }
 
 
-def _ratio(sections: Complex) -> Real:
+def _ratio(sections: ComplexArray) -> FloatArray:
     magnitude = np.abs(sections)
     return np.asarray(magnitude.max(axis=0) / magnitude.min(axis=0))
 

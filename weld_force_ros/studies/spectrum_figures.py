@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from weld_force_ros.core.spectra import Spectrum, resonances_hz
-from weld_force_ros.core.track import Complex, Real
+from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.report import GREY, new_figure
 from weld_force_ros.studies.laboratory import Picture
 from weld_force_ros.studies.style import COLOURS
@@ -29,7 +29,9 @@ class Excitation:
     irregularity: Spectrum
 
 
-def receptance_picture(frequency_hz: Real, receptances: dict[str, Complex], sections_m: Real, where: str) -> Picture:
+def receptance_picture(
+    frequency_hz: FloatArray, receptances: dict[str, ComplexArray], sections_m: FloatArray, where: str
+) -> Picture:
     """The track alone, and with the wheelset; `where` says which track, or which place on it, the wheelset is on."""
     figure = new_figure(7.0, 6.6)
     above, below = figure.subplots(2, 1, sharex=True)
@@ -52,7 +54,7 @@ def receptance_picture(frequency_hz: Real, receptances: dict[str, Complex], sect
     )  # fmt: skip
 
 
-def weld_pictures(weld: str, excitations: list[Excitation], wheelset: tuple[Real, Real]) -> list[Picture]:
+def weld_pictures(weld: str, excitations: list[Excitation], wheelset: tuple[FloatArray, FloatArray]) -> list[Picture]:
     """Spectra at all speeds together, and speed by speed with the wheelset's receptance."""
     return [_together(weld, excitations), _by_speed(weld, excitations, wheelset)]
 
@@ -76,7 +78,7 @@ def _together(weld: str, excitations: list[Excitation]) -> Picture:
     )  # fmt: skip
 
 
-def _by_speed(weld: str, excitations: list[Excitation], wheelset: tuple[Real, Real]) -> Picture:
+def _by_speed(weld: str, excitations: list[Excitation], wheelset: tuple[FloatArray, FloatArray]) -> Picture:
     figure = new_figure(7.0, 8.0)
     panels = figure.subplots(len(excitations), 1, sharex=True, sharey=True)
     for axes, excitation in zip(panels, excitations, strict=True):
@@ -92,7 +94,7 @@ def _by_speed(weld: str, excitations: list[Excitation], wheelset: tuple[Real, Re
     )  # fmt: skip
 
 
-def dip_picture(weld: str, excitation: Excitation, wheelset: tuple[Real, Real], cut_hz: float) -> Picture:
+def dip_picture(weld: str, excitation: Excitation, wheelset: tuple[FloatArray, FloatArray], cut_hz: float) -> Picture:
     """Spectrum over the cosine dip."""
     figure = new_figure(7.0, 3.8)
     axes = figure.subplots()
@@ -118,7 +120,7 @@ def mark_frequencies(axes: "Axes", from_hz: float, to_hz: float) -> None:
 
 
 def _draw_relative(
-    axes: "Axes", excitation: Excitation, wheelset: tuple[Real, Real], shown_hz: tuple[int, int]
+    axes: "Axes", excitation: Excitation, wheelset: tuple[FloatArray, FloatArray], shown_hz: tuple[int, int]
 ) -> None:
     curves = (
         ("force", excitation.force.frequency_hz, excitation.force.amplitude, COLOURS[0], "-"),

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from weld_force_ros.core.track import Real
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report import BLUE, GREEN, GREY, ORANGE, RED
 
 if TYPE_CHECKING:
@@ -20,7 +20,9 @@ def mark_sleepers(axes: "Axes", span_m: float, until_m: float, from_m: float = 0
         axes.axvline(sleeper * span_m * 100, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
 
 
-def draw_map(axes: "Axes", positions_m: Real, speeds_kmh: Real, values: Real, span_m: float, **options: Any) -> Any:
+def draw_map(
+    axes: "Axes", positions_m: FloatArray, speeds_kmh: FloatArray, values: FloatArray, span_m: float, **options: Any
+) -> Any:
     """Heat map of values (n_speed, n_position) over weld position (cm) and speed, the span closed, sleepers marked."""
     closed = np.append(positions_m, positions_m[0] + span_m)
     image = axes.pcolormesh(

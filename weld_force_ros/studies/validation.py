@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from weld_force_ros.core.curves import Hollow
-from weld_force_ros.core.track import Real
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report import GREY, as_text, new_figure
 from weld_force_ros.studies.grids import COSINES_M, sampled_cosine
 from weld_force_ros.studies.laboratory import (
@@ -71,11 +71,13 @@ def run(lab: Laboratory) -> Investigation:
     return Investigation("validation", "Wheel flats", pictures, tables, measured)
 
 
-def _upper(lab: Laboratory, flat: tuple[Real, Real], speeds: Real, positions: Real) -> Real:
+def _upper(
+    lab: Laboratory, flat: tuple[FloatArray, FloatArray], speeds: FloatArray, positions: FloatArray
+) -> FloatArray:
     return np.asarray(lab.surface(flat, JOHANSSON_NIELSEN, speeds, positions).peak_force_n.max(axis=1))
 
 
-def _envelope(speeds: Real, peak_n: Real, weld: str, told_kmh: tuple[float, ...]) -> "Figure":
+def _envelope(speeds: FloatArray, peak_n: FloatArray, weld: str, told_kmh: tuple[float, ...]) -> "Figure":
     figure = new_figure(7.0, 4.0)
     axes = figure.subplots()
     lower, upper = peak_n.min(axis=1) / 1e3, peak_n.max(axis=1) / 1e3
@@ -89,7 +91,7 @@ def _envelope(speeds: Real, peak_n: Real, weld: str, told_kmh: tuple[float, ...]
     return figure
 
 
-def _deeper_flats(speeds: Real, upper_n: dict[str, Real]) -> "Figure":
+def _deeper_flats(speeds: FloatArray, upper_n: dict[str, FloatArray]) -> "Figure":
     figure = new_figure(7.0, 3.8)
     axes = figure.subplots()
     for (name, upper), colour in zip(upper_n.items(), COLOURS, strict=False):
@@ -99,7 +101,7 @@ def _deeper_flats(speeds: Real, upper_n: dict[str, Real]) -> "Figure":
     return figure
 
 
-def _measured(lab: Laboratory, speeds: Real, positions: Real, peak_n: Real) -> Measured:
+def _measured(lab: Laboratory, speeds: FloatArray, positions: FloatArray, peak_n: FloatArray) -> Measured:
     upper_n = peak_n.max(axis=1)
     curve = features(speeds, upper_n)
     speed_kmh, maximum_n = first_maximum(curve)

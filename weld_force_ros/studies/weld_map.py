@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from weld_force_ros.core.curves import CurveFeatures, SurfaceFeatures, surface_features
 from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.track import Real
 from weld_force_ros.core.weld import wheel_trajectory
+from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.studies.laboratory import BILBAO, WELDS, Laboratory
 from weld_force_ros.studies.passages import SIGNIFICANT, features
 
@@ -23,8 +23,8 @@ class WeldMap:
     """Peaks over one weld; arrays over speed and position are (n_speed, n_position)."""
 
     name: str
-    speeds_kmh: Real
-    positions_m: Real
+    speeds_kmh: FloatArray
+    positions_m: FloatArray
     span_m: float
     static_n: float
     surface: Surface
@@ -35,7 +35,7 @@ class WeldMap:
         return self.name if self.name in WELDS else "own-weld"
 
     @property
-    def force_n(self) -> Real:
+    def force_n(self) -> FloatArray:
         """Peak forces."""
         return self.surface.peak_force_n
 
@@ -50,11 +50,11 @@ class WeldMap:
         return surface_features(self.speeds_kmh, self.positions_m, self.force_n, self.span_m, tolerance=SIGNIFICANT)
 
     @property
-    def place_m(self) -> Real:
+    def place_m(self) -> FloatArray:
         """Place of the peaks from the straightedge's start."""
         return np.asarray(self.surface.peak_x_m - self.positions_m + _STRAIGHTEDGE_CENTRE_M)
 
-    def between(self, first_kmh: float, last_kmh: float) -> Real:
+    def between(self, first_kmh: float, last_kmh: float) -> FloatArray:
         """Mean over speeds, (n_position,)."""
         return np.asarray(self.force_n[within(self.speeds_kmh, first_kmh, last_kmh)].mean(axis=0))
 
@@ -69,7 +69,7 @@ class WeldMap:
         return float(np.median(np.ptp(force, axis=1) / (force.mean(axis=1) - self.static_n)))
 
 
-def within(values: Real, first: float, last: float) -> NDArray[np.bool_]:
+def within(values: FloatArray, first: float, last: float) -> NDArray[np.bool_]:
     """Which values lie in a range, ends included."""
     return np.asarray((values >= first - 1e-9) & (values <= last + 1e-9))
 
@@ -87,7 +87,7 @@ def weld_maps(lab: Laboratory, names: Sequence[str], scale: float = 1.0) -> list
     ]
 
 
-def standstill(speeds_kmh: Real, force_n: Real, tolerance_n: float) -> float:
+def standstill(speeds_kmh: FloatArray, force_n: FloatArray, tolerance_n: float) -> float:
     """Width of the widest speed interval in which the force exceeds that at its beginning by no more than a tolerance.
 
     It begins at a given speed; its end lies between two where the force is linear.

@@ -22,7 +22,7 @@ from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
-from weld_force_ros import user_cache
+from weld_force_ros import _files
 
 _SEAL_BYTES = hashlib.sha256().digest_size
 
@@ -68,7 +68,7 @@ class _MachineCode(NullCache):  # type: ignore[misc]  # Numba ships no types for
         sealed = self._sealed(dumps(result._reduce()))
         for path in self._paths(signature, result.codegen):
             with contextlib.suppress(OSError):
-                user_cache.write_whole(sealed, path)
+                _files.write_whole(sealed, path)
                 return
 
     def _sealed(self, code: bytes) -> bytes:
@@ -80,7 +80,7 @@ class _MachineCode(NullCache):  # type: ignore[misc]  # Numba ships no types for
         name = f"{self._name}-{hashlib.sha256(repr(made_for).encode()).hexdigest()[:16]}.nbc"
         if numba.config.CACHE_DIR:
             return [Path(numba.config.CACHE_DIR) / "weld_force_ros" / name]
-        return [self._home / "__pycache__" / name, user_cache.folder("compiled") / name]
+        return [self._home / "__pycache__" / name, _files.folder("compiled") / name]
 
 
 def _made_from(package: str) -> bytes:

@@ -1,0 +1,260 @@
+"""Declare limits, rules, the verdict and the grinding advice."""
+
+from typing import Annotated
+
+import msgspec
+from msgspec import UNSET, Meta, UnsetType
+
+from weld_force_ros.messages.fields import (
+    MAX_POSITIONS,
+    MAX_SPEEDS,
+    MAX_TEXT,
+    Cells,
+    CurveClass,
+    Decision,
+    ForceN,
+    GeometryKind,
+    Message,
+    Metres,
+    Name,
+    ProfileId,
+    Seconds,
+    Sha256,
+    SpeedAxis,
+    SpeedKmh,
+    Text,
+    UnknownPosition,
+    content_without_header,
+    increasing,
+    json_sha256,
+    wrong_length,
+)
+
+
+class Limit(msgspec.Struct, kw_only=True, frozen=True):
+    """A criterion's limits: up to `limit` passes, up to `reject_limit` asks for grinding, beyond it rejects.
+
+    One with `above_kmh` or `to_kmh` holds for lines of those speeds: above the one, up to the other.
+    """
+
+    name: Name
+    limit: float
+    reject_limit: float
+    unit: Annotated[str, Meta(max_length=20)]
+    source: Text
+    verified: bool = False
+    applies: Annotated[str, Meta(max_length=MAX_TEXT, description="why a weld is held against it")] | UnsetType = UNSET
+    decides: (
+        Annotated[bool, Meta(description="false: shown beside the others, but the decision does not hang on it")]
+        | UnsetType
+    ) = UNSET
+    above_kmh: Annotated[float, Meta(description="km/h", ge=0.0)] | UnsetType = UNSET
+    to_kmh: Annotated[float, Meta(description="km/h", ge=0.0)] | UnsetType = UNSET
+
+
+class Rules(msgspec.Struct, kw_only=True, frozen=True):
+    """How limits become a decision; without rules the worst position counts and any sampling will do.
+
+    Attributes:
+        unknown_position: of a weld whose place in the span is unknown: the worst position's decision, or `undecided`
+            where not all positions have the same.
+        resolved_hz: what passes is undecided if samples are so far apart that at the worst speed they do not show waves
+            up to this frequency; 0: any sampling will do.
+        source: where these rules come from.
+    """
+
+    unknown_position: UnknownPosition = "undecided"
+    resolved_hz: Annotated[float, Meta(description="Hz", ge=0.0)] = 0.0
+    source: Text = ""
+    verified: bool = False
+
+
+class NormPoint(msgspec.Struct, kw_only=True, frozen=True):
+    """A largest gradient by line speed; linear between points, constant beyond them."""
+
+    speed_kmh: SpeedKmh
+    gradient_rad: Annotated[float, Meta(description="rad", gt=0.0)]
+
+
+class AssessmentSettings(Message, kw_only=True):
+    """The limits that verdicts are made with; latched, so that every recording holds them."""
+
+    limits_sha256: Sha256
+    limits: Annotated[list[Limit], Meta(min_length=1, max_length=100)]
+    rules: Rules | UnsetType = UNSET
+    gradient_norm: Annotated[list[NormPoint], Meta(max_length=100)] = []
+
+    def problem(self) -> str | None:
+        """A limit that cannot be applied, or a hash that is not the content's; else None."""
+        for limit in self.limits:
+            if limit.reject_limit < limit.limit:
+                return f"limit {limit.name}: reject_limit is below limit"
+        if not increasing([point.speed_kmh for point in self.gradient_norm]):
+            return "gradient_norm: speeds must increase"
+        return None if self.limits_sha256 == limits_sha256(self) else "limits_sha256 is not the hash of the limits"
+
+
+class Criterion(msgspec.Struct, kw_only=True, frozen=True):
+    """One line of a verdict: the value found, the limit it was held against, and where the limit comes from.
+
+    Attributes:
+        speed_kmh, position_m: of the passage that the value is from; absent for what the geometry says by itself.
+        exceeding: share of samples of the unknown that exceed the limit.
+        driver: which of the unknown quantities the value varies with most.
+        driver_share: of the value's variance.
+    """
+
+    name: Name
+    value: float
+    limit: float
+    unit: Annotated[str, Meta(max_length=20)]
+    passed: bool
+    source: Text
+    verified: bool = False
+    reject_limit: float | UnsetType = UNSET
+    margin: Annotated[float, Meta(description="limit less value, negative beyond it")] | UnsetType = UNSET
+    applies: Annotated[str, Meta(max_length=MAX_TEXT, description="why a weld is held against it")] | UnsetType = UNSET
+    decides: Annotated[bool, Meta(description="false: shown, but the decision does not hang on it")] = True
+    speed_kmh: SpeedKmh | UnsetType = UNSET
+    position_m: Metres | UnsetType = UNSET
+    x_m: Metres | UnsetType = UNSET
+    exceeding: Annotated[float, Meta(ge=0.0, le=1.0)] | UnsetType = UNSET
+    exceeding_reject: Annotated[float, Meta(ge=0.0, le=1.0)] | UnsetType = UNSET
+    driver: Annotated[str, Meta(max_length=200)] | UnsetType = UNSET
+    driver_share: Annotated[float, Meta(ge=0.0, le=1.0)] | UnsetType = UNSET
+
+
+class PositionOutcome(msgspec.Struct, kw_only=True, frozen=True):
+    """What would be decided if the weld lay there."""
+
+    position_m: Metres
+    decision: Decision
+
+
+class SpeedBand(msgspec.Struct, kw_only=True, frozen=True):
+    """Speeds from one to another, both included."""
+
+    from_kmh: SpeedKmh
+    to_kmh: SpeedKmh
+
+
+class HollowBand(msgspec.Struct, kw_only=True, frozen=True):
+    """Speeds at which the peak is below what a lower speed reached."""
+
+    from_kmh: SpeedKmh
+    lowest_kmh: SpeedKmh
+    to_kmh: SpeedKmh
+    depth_n: Annotated[float, Meta(description="N, greatest fall", ge=0.0)]
+
+
+class Restriction(msgspec.Struct, kw_only=True, frozen=True):
+    """What running at most at a speed would do to the peak force.
+
+    Attributes:
+        peak_force_n: at that speed.
+        change: of it relative to the peak at the highest speed judged: 0.12 is 12 % more.
+        within_limits: whether all speeds up to it are.
+    """
+
+    speed_kmh: SpeedKmh
+    peak_force_n: ForceN
+    change: float
+    within_limits: bool
+
+
+class Verdict(Message, kw_only=True):
+    """What to do with a weld, and why.
+
+    Attributes:
+        unjudged: limits that could not be applied, as what they are about was not computed.
+        by_position: what would be decided at each position, where the weld's own is unknown.
+        permitted_speed_kmh: the highest speed up to which all speeds are within limits; absent if not even the lowest
+            is, or nothing was said about speed.
+        avoid: speeds beyond limits.
+        restrictions: falling, from the highest speed judged.
+        advice: in words, the most useful first.
+        advice_step_kmh: how finely speeds were looked at.
+    """
+
+    weld_id: Name
+    profile_sha256: Sha256
+    profile_id: ProfileId | UnsetType = UNSET
+    config_sha256: Sha256
+    limits_sha256: Sha256
+    software: Name
+    decision: Decision
+    reason: Text
+    criteria: Annotated[list[Criterion], Meta(min_length=1, max_length=100)]
+    peak_force_n: ForceN
+    static_load_n: ForceN
+    worst_speed_kmh: SpeedKmh
+    worst_position_m: Metres
+    worst_x_m: Metres
+    judged_speed_kmh: Annotated[float, Meta(description="km/h, the highest speed that was judged", gt=0.0)]
+    chainage_m: Metres | UnsetType = UNSET
+    rail: Name | UnsetType = UNSET
+    unjudged: Annotated[list[Name], Meta(max_length=100)] = []
+    by_position: Annotated[list[PositionOutcome], Meta(max_length=MAX_POSITIONS)] = []
+    geometry_kind: GeometryKind | UnsetType = UNSET
+    curve_class: CurveClass | UnsetType = UNSET
+    maxima_kmh: Annotated[list[SpeedKmh], Meta(max_length=MAX_SPEEDS)] = []
+    hollows: Annotated[list[HollowBand], Meta(max_length=MAX_SPEEDS)] = []
+    permitted_speed_kmh: SpeedKmh | UnsetType = UNSET
+    avoid: Annotated[list[SpeedBand], Meta(max_length=MAX_SPEEDS)] = []
+    restrictions: Annotated[list[Restriction], Meta(max_length=MAX_SPEEDS)] = []
+    advice: Annotated[list[Text], Meta(max_length=100)] = []
+    advice_step_kmh: Annotated[float, Meta(description="km/h", gt=0.0)] | UnsetType = UNSET
+    samples: Annotated[int, Meta(description="of the unknown, that probabilities are from", ge=0)] = 0
+
+
+class GrindingAdvice(Message, kw_only=True):
+    """The least removal of metal that brings a weld within its limits; `x_m` is 0 at the weld's centre.
+
+    Attributes:
+        reached: whether a removal was found that does.
+        z_m: heights before, positive up; `z_m - removal_m` is the ground profile, as it was simulated.
+        band_limit_m: shortest wavelength that is ground.
+        stone_radius_m: hollows are no sharper than that.
+        removed_m2: area between both profiles.
+        reference_checked: passages rolled again by the `reference` engine, and how many of them are within limits.
+    """
+
+    weld_id: Name
+    profile_sha256: Sha256
+    config_sha256: Sha256
+    limits_sha256: Sha256
+    software: Name
+    reached: bool
+    reason: Text
+    x_m: Cells
+    z_m: Cells
+    removal_m: Cells
+    most_removed_m: Annotated[float, Meta(description="m", ge=0.0)]
+    removed_m2: Annotated[float, Meta(description="m^2", ge=0.0)]
+    band_limit_m: Annotated[float, Meta(description="m", gt=0.0)]
+    stone_radius_m: Annotated[float, Meta(description="m", gt=0.0)]
+    decision_before: Decision
+    decision_after: Decision
+    before: Annotated[list[Criterion], Meta(max_length=100)]
+    after: Annotated[list[Criterion], Meta(max_length=100)]
+    speeds_kmh: SpeedAxis
+    peak_before_n: Cells
+    peak_after_n: Cells
+    reference_checked: Annotated[int, Meta(ge=0)] = 0
+    reference_within: Annotated[int, Meta(ge=0)] = 0
+    reference_peak_n: ForceN | UnsetType = UNSET
+    elapsed_s: Seconds
+
+    def problem(self) -> str | None:
+        """Columns of different length; else None."""
+        return wrong_length(self, ("z_m", "removal_m"), len(self.x_m)) or wrong_length(
+            self, ("peak_before_n", "peak_after_n"), len(self.speeds_kmh)
+        )
+
+
+def limits_sha256(settings: AssessmentSettings) -> str:
+    """Identity of what verdicts are made with; of limits without rules and norm as it always was."""
+    limits = [msgspec.to_builtins(limit) for limit in settings.limits]
+    if settings.rules is UNSET and not settings.gradient_norm:
+        return json_sha256(limits)
+    return json_sha256(content_without_header(settings, "limits_sha256"))

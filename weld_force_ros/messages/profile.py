@@ -1,0 +1,124 @@
+"""Declare the measured weld and what its geometry says by itself."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from typing import Annotated, Protocol
+
+import msgspec
+from msgspec import UNSET, Meta, UnsetType
+
+from weld_force_ros.messages.fields import (
+    MAX_PROFILE_AMPLITUDE_M,
+    MAX_PROFILE_LENGTH_M,
+    MAX_PROFILE_SPACING_M,
+    MIN_PROFILE_SAMPLES,
+    GeometryKind,
+    Message,
+    Metres,
+    Name,
+    ProfileId,
+    Samples,
+    Sha256,
+    SpeedKmh,
+    Text,
+    json_sha256,
+)
+
+
+class WeldProfile(Message, kw_only=True):
+    """A measured weld: heights along the rail, conditioned, about the weld's centre.
+
+    `x_m` runs in the running direction with 0 at the weld's centre and increases strictly; `z_m` is positive up.
+    """
+
+    weld_id: Name
+    source: Name
+    x_m: Samples
+    z_m: Samples
+    profile_sha256: Sha256
+    profile_id: ProfileId | UnsetType = UNSET
+    source_sha256: Sha256 | UnsetType = UNSET
+    rail: Name | UnsetType = UNSET
+    instrument: Name | UnsetType = UNSET
+    chainage_m: Metres | UnsetType = UNSET
+    line_speed_kmh: SpeedKmh | UnsetType = UNSET
+    weld_position_m: (
+        Annotated[float, Meta(description="m of the weld's centre after the preceding sleeper", ge=0.0)] | UnsetType
+    ) = UNSET
+    conditioning: Annotated[list[Text], Meta(max_length=50)] = []
+
+    def problem(self) -> str | None:
+        """Why the geometry cannot be simulated, or the hash is not that of the samples; None if all is well."""
+        return profile_problem(self.x_m, self.z_m) or (
+            None
+            if self.profile_sha256 == profile_sha256(self.x_m, self.z_m)
+            else "profile_sha256 is not the hash of x_m and z_m"
+        )
+
+
+class ProfileMeasures(msgspec.Struct, kw_only=True, frozen=True):
+    """What a profile's geometry says without a wheel."""
+
+    kind: GeometryKind
+    dip_m: Annotated[float, Meta(description="m, deepest place below its surroundings", ge=0.0)]
+    protrusion_m: Annotated[float, Meta(description="m, highest place above its surroundings", ge=0.0)]
+    gradient_rad: Annotated[float, Meta(description="rad, largest gradient of heights averaged over 25 mm", ge=0.0)]
+    straightedge_m: Annotated[
+        float, Meta(description="m, largest distance between the rail and a straightedge of 1 m on it", ge=0.0)
+    ]
+    spacing_m: Annotated[float, Meta(description="m, largest distance of samples", gt=0.0)]
+
+
+def profile_problem(x_m: Sequence[float], z_m: Sequence[float]) -> str | None:
+    """Why a geometry cannot be simulated, in one clause, or None.
+
+    Bounds (design.md): 20 samples or more, x increasing, spacing up to 10 mm, heights spanning up to 10 mm, length up
+    to 5 m.
+    """
+    if len(x_m) != len(z_m):
+        return f"{len(x_m)} positions but {len(z_m)} heights"
+    for name, values in (("x", x_m), ("z", z_m)):
+        for row, value in enumerate(values, start=1):
+            if not math.isfinite(value):
+                return f"sample {row}: {name} is not a finite number"
+    if len(x_m) < MIN_PROFILE_SAMPLES:
+        return f"{len(x_m)} samples, {MIN_PROFILE_SAMPLES} are needed"
+    steps = [b - a for a, b in itertools.pairwise(x_m)]
+    for row, step in enumerate(steps, start=1):
+        if step <= 0.0:
+            return f"x does not increase from sample {row} to {row + 1}"
+    length = x_m[-1] - x_m[0]
+    if length > MAX_PROFILE_LENGTH_M * (1 + 1e-9):
+        return f"length {length:.3f} m, at most {MAX_PROFILE_LENGTH_M:g} m"
+    widest = max(range(len(steps)), key=steps.__getitem__)
+    if steps[widest] > MAX_PROFILE_SPACING_M * (1 + 1e-9):
+        bound_mm = MAX_PROFILE_SPACING_M * 1e3
+        return f"spacing {steps[widest] * 1e3:.3g} mm after sample {widest + 1}, at most {bound_mm:g} mm"
+    amplitude = max(z_m) - min(z_m)
+    if amplitude > MAX_PROFILE_AMPLITUDE_M * (1 + 1e-9):
+        return f"amplitude {amplitude * 1e3:.3g} mm, at most {MAX_PROFILE_AMPLITUDE_M * 1e3:g} mm"
+    return None
+
+
+def profile_sha256(x_m: Sequence[float], z_m: Sequence[float]) -> str:
+    """Identity of a geometry: SHA-256 of the JSON of its samples (shortest round-trip decimals, so exact)."""
+    return json_sha256([list(map(float, x_m)), list(map(float, z_m))])
+
+
+def measurement_id(source: str, content_sha256: str) -> str:
+    """Identity of one measurement: of where it came from (a file's name) and of its content."""
+    return json_sha256([source, content_sha256])
+
+
+class _About(Protocol):
+    weld_id: str
+    profile_sha256: str
+    profile_id: str | UnsetType
+
+
+def identity(message: _About) -> str:
+    """Which measurement a message is about; of publishers that name none, one geometry of one weld is one."""
+    if isinstance(message.profile_id, str):
+        return message.profile_id
+    return json_sha256([message.weld_id, message.profile_sha256])

@@ -1,0 +1,219 @@
+"""Declare what a simulation is asked for and what it returns: settings, force map, force history."""
+
+from typing import Annotated
+
+import msgspec
+from msgspec import UNSET, Meta, UnsetType
+
+from weld_force_ros.messages.fields import (
+    MAX_CELLS,
+    MAX_SAMPLED,
+    MAX_SPEEDS,
+    MAX_TEXT,
+    Cells,
+    Engine,
+    Message,
+    Metres,
+    Name,
+    Number,
+    PositionAxis,
+    ProfileId,
+    Seconds,
+    Sha256,
+    SpeedAxis,
+    SpeedKmh,
+    Text,
+    content_without_header,
+    increasing,
+    json_sha256,
+    wrong_length,
+)
+from weld_force_ros.messages.profile import ProfileMeasures
+
+
+class Uncertainty(msgspec.Struct, kw_only=True, frozen=True):
+    """What is not known exactly, and how many samples of it are rolled: `weld_force_ros.core.uncertainty`."""
+
+    samples: Annotated[int, Meta(ge=2, le=MAX_SAMPLED)]
+    seed: Number = 1
+    noise_m: Annotated[float, Meta(description="m, standard deviation of the measured heights", ge=0.0, le=1e-3)]
+    noise_length_m: Annotated[
+        float, Meta(description="m along the rail over which noise is correlated", gt=0.0, le=1.0)
+    ]
+    support_spread: Annotated[
+        float, Meta(description="standard deviation of ln(stiffness) of pad and ballast", ge=0.0, le=1.0)
+    ]
+    hertz_spread: Annotated[
+        float,
+        Meta(description="standard deviation of ln(Hertz constant): shapes of worn wheel and rail", ge=0.0, le=1.0),
+    ]
+    radius_low_m: Annotated[float, Meta(description="m, of the most worn wheel", gt=0.05, lt=2.0)]
+    radius_high_m: Annotated[float, Meta(description="m, of a new wheel", gt=0.05, lt=2.0)]
+    source: Text
+    verified: bool = False
+
+
+class SimulationSettings(Message, kw_only=True):
+    """What a force map depends on beside the profile; latched, so that every recording holds it."""
+
+    config_sha256: Sha256
+    track: Name
+    track_definition: Annotated[
+        str, Meta(min_length=1, max_length=MAX_TEXT, description="the track file's text (YAML)")
+    ]
+    engine: Engine
+    speeds_kmh: SpeedAxis
+    positions_m: PositionAxis
+    wheel_mass_kg: Annotated[float, Meta(description="kg", gt=0.0)]
+    static_load_n: Annotated[float, Meta(description="N", gt=0.0)]
+    wheel_radius_m: Annotated[float, Meta(description="m", gt=0.05, lt=2.0)]
+    hertz_n_per_m15: Annotated[float, Meta(description="N/m^1.5", gt=0.0)]
+    uncertainty: Uncertainty | UnsetType = UNSET
+
+    def problem(self) -> str | None:
+        """Speeds or positions out of order, too large a grid, or a hash that is not the content's; else None."""
+        if len(self.speeds_kmh) * len(self.positions_m) > MAX_CELLS:
+            return f"more than {MAX_CELLS} passages in one map"
+        if not increasing(self.speeds_kmh) or not increasing(self.positions_m):
+            return "speeds_kmh and positions_m must increase"
+        if isinstance(self.uncertainty, Uncertainty) and self.uncertainty.radius_low_m > self.uncertainty.radius_high_m:
+            return "uncertainty: radius_low_m is above radius_high_m"
+        return None if self.config_sha256 == config_sha256(self) else "config_sha256 is not the hash of the settings"
+
+
+class SpeedCurve(msgspec.Struct, kw_only=True):
+    """The worst over all positions that count, speed by speed, finer than the map: for advice on speed.
+
+    Attributes:
+        at_m: where the weld lies in the passage with the largest peak.
+    """
+
+    speeds_kmh: Annotated[list[SpeedKmh], Meta(min_length=1, max_length=MAX_SPEEDS)]
+    peak_force_n: Cells
+    min_force_n: Cells
+    contact_loss_s: Cells
+    at_m: Cells
+    p2_force_n: Cells | UnsetType = UNSET
+    force_20hz_n: Cells | UnsetType = UNSET
+
+
+class Spread(msgspec.Struct, kw_only=True):
+    """What samples of the unknown came to: the worst over speeds up to the line's, row-major (sample, position).
+
+    `positions_m` are those that count; the inputs of each sample stand beside: factors on the nominal value, and the
+    wheel's radius.
+    """
+
+    positions_m: PositionAxis
+    peak_force_n: Cells
+    min_force_n: Cells
+    contact_loss_s: Cells
+    p2_force_n: Cells | UnsetType = UNSET
+    force_20hz_n: Cells | UnsetType = UNSET
+    gradient_rad: Cells
+    straightedge_m: Cells
+    support_factor: Cells
+    hertz_factor: Cells
+    wheel_radius_m: Cells
+
+
+class ForceMap(Message, kw_only=True):
+    """Peak force over speed and position in the sleeper span.
+
+    Matrices are row-major (speed, position). `positions_m` is the weld's centre after the sleeper, `peak_x_m` where
+    the wheel was at the peak in the same coordinate (0 at that sleeper).
+    """
+
+    weld_id: Name
+    profile_sha256: Sha256
+    profile_id: ProfileId | UnsetType = UNSET
+    config_sha256: Sha256
+    track: Name
+    engine: Engine
+    speeds_kmh: SpeedAxis
+    positions_m: PositionAxis
+    peak_force_n: Cells
+    peak_x_m: Cells
+    min_force_n: Cells
+    contact_loss_s: Cells
+    static_load_n: Annotated[float, Meta(description="N", gt=0.0)]
+    span_m: Annotated[float, Meta(description="m, the sleeper spacing that positions repeat with", gt=0.0)]
+    model_error: (
+        Annotated[
+            float,
+            Meta(
+                description="about the relative error of the force's dynamic part (force less static load) that comes"
+                " from representing this track in time; large where loss factors are not causal",
+                ge=0.0,
+            ),
+        ]
+        | UnsetType
+    ) = UNSET
+    elapsed_s: Seconds
+    p2_force_n: (
+        Annotated[Cells, Meta(description="N, largest force below 120 Hz (causal Butterworth low pass, 4th order)")]
+        | UnsetType
+    ) = UNSET
+    force_20hz_n: (
+        Annotated[Cells, Meta(description="N, largest force below 20 Hz (causal Butterworth low pass, 4th order)")]
+        | UnsetType
+    ) = UNSET
+    measures: ProfileMeasures | UnsetType = UNSET
+    curve: SpeedCurve | UnsetType = UNSET
+    spread: Spread | UnsetType = UNSET
+    line_speed_kmh: SpeedKmh | UnsetType = UNSET
+    weld_position_m: Metres | UnsetType = UNSET
+    chainage_m: Metres | UnsetType = UNSET
+    rail: Name | UnsetType = UNSET
+
+    def problem(self) -> str | None:
+        """Matrices that do not fit their axes, or axes out of order; else None."""
+        if not increasing(self.speeds_kmh) or not increasing(self.positions_m):
+            return "speeds_kmh and positions_m must increase"
+        cells = len(self.speeds_kmh) * len(self.positions_m)
+        names = ("peak_force_n", "peak_x_m", "min_force_n", "contact_loss_s", "p2_force_n", "force_20hz_n")
+        return wrong_length(self, names, cells) or self._curve_problem() or self._spread_problem()
+
+    def _curve_problem(self) -> str | None:
+        if not isinstance(self.curve, SpeedCurve):
+            return None
+        if not increasing(self.curve.speeds_kmh):
+            return "curve: speeds_kmh must increase"
+        columns = [name for name in self.curve.__struct_fields__ if name != "speeds_kmh"]
+        return wrong_length(self.curve, columns, len(self.curve.speeds_kmh), "curve: ")
+
+    def _spread_problem(self) -> str | None:
+        if not isinstance(self.spread, Spread):
+            return None
+        samples = ("gradient_rad", "straightedge_m", "support_factor", "hertz_factor", "wheel_radius_m")
+        cells = [name for name in self.spread.__struct_fields__ if name not in (*samples, "positions_m")]
+        count = len(self.spread.support_factor)
+        return wrong_length(self.spread, samples, count, "spread: ") or wrong_length(
+            self.spread, cells, count * len(self.spread.positions_m), "spread: "
+        )
+
+
+class ForceHistory(Message, kw_only=True):
+    """One passage in the space domain; `x_m` is 0 at the sleeper before the weld, displacements positive up."""
+
+    weld_id: Name
+    profile_sha256: Sha256
+    profile_id: ProfileId | UnsetType = UNSET
+    config_sha256: Sha256
+    speed_kmh: SpeedKmh
+    position_m: Metres
+    x_m: Cells
+    force_n: Cells
+    wheel_m: Cells
+    rail_m: Cells
+    irregularity_m: Cells
+
+    def problem(self) -> str | None:
+        """Columns of different length; else None."""
+        lengths = {len(c) for c in (self.x_m, self.force_n, self.wheel_m, self.rail_m, self.irregularity_m)}
+        return None if len(lengths) == 1 else "x_m, force_n, wheel_m, rail_m and irregularity_m differ in length"
+
+
+def config_sha256(settings: SimulationSettings) -> str:
+    """Identity of simulation settings: SHA-256 of their content without the header and the hash itself."""
+    return json_sha256(content_without_header(settings, "config_sha256"))
