@@ -10,10 +10,11 @@ from itertools import islice
 
 from msgspec.structs import replace
 
-from weld_force_ros import assess
-from weld_force_ros.core.population import population
-from weld_force_ros.core.shapes import REFERENCE_SHAPES
-from weld_force_ros.grinding import Adviser
+from weld_force_ros.assessment.grinding import Adviser
+from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.measurement.profile_file import find, read_profile
+from weld_force_ros.measurement.shapes import REFERENCE_SHAPES
+from weld_force_ros.measurement.synthetic_welds import population
 from weld_force_ros.messages import (
     AssessmentSettings,
     GrindingAdvice,
@@ -22,7 +23,7 @@ from weld_force_ros.messages import (
     limits_sha256,
     profile_sha256,
 )
-from weld_force_ros.profiles import find, read_profile
+from weld_force_ros.simulation.settings import simulation_settings
 
 TRACKS = ("johansson-nielsen", "bilbao-viscous", "bilbao")
 SYNTHETIC, SEED, RELIEF = 3, 7, 0.2
@@ -69,9 +70,9 @@ def advised(adviser: Adviser, profile: WeldProfile, limit_n: float) -> GrindingA
 
 
 def main(tracks: list[str]) -> None:
-    limits = assess.load_limits()
+    limits = load_limits()
     for track in tracks:
-        settings = assess.simulation_settings(track=track)
+        settings = simulation_settings(track=track)
         print(f"\n{track}; steps of the search, passages by the reference within limits\n{HEADING}")
         shipped = Adviser(settings, limits)
         shipped.advise(read_profile(find("weld-5-ramp-protrusion")))  # machine code and tables

@@ -5,7 +5,9 @@ from functools import cache
 from msgspec.structs import replace
 from weld_force_ros.contract import UNSET
 
-from weld_force_ros.assess import SOFTWARE, Simulator, assess, load_limits, load_uncertainty, simulation_settings
+from weld_force_ros.assessment.judge import SOFTWARE, assess
+from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.measurement.profile_file import find, read_profile
 from weld_force_ros.messages import (
     ForceMap,
     GrindingAdvice,
@@ -14,8 +16,9 @@ from weld_force_ros.messages import (
     SimulationSettings,
     profile_sha256,
 )
-from weld_force_ros.profiles import find, read_profile
 from weld_force_ros.report_page import Entry, Unusable, Weld
+from weld_force_ros.simulation.settings import load_uncertainty, simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
 
 HOSTILE = '</script><img src=x onerror="window.pwned=1"><script>window.pwned=1</script>\'"&{{7*7}}<!--'
 

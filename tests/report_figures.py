@@ -9,9 +9,12 @@ from typing import Any
 
 from playwright.sync_api import sync_playwright
 
-from weld_force_ros.assess import Simulator, assess, load_limits, load_uncertainty, simulation_settings
-from weld_force_ros.profiles import find, read_profile, shipped
+from weld_force_ros.assessment.judge import assess
+from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.measurement.profile_file import find, read_profile, shipped
 from weld_force_ros.report_page import Weld, detail, page, printing, row
+from weld_force_ros.simulation.settings import load_uncertainty, simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
 
 WELDS = 500
 LOADS = 5

@@ -10,18 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import UNSET
 
-from weld_force_ros import assess
-from weld_force_ros.assess import (
-    Simulator,
-    judge,
-    load_limits,
-    parse_positions,
-    parse_speeds,
-    simulation_settings,
-)
-from weld_force_ros.core.criteria import CRITERIA
-from weld_force_ros.core.shapes import cosine_dip
+from weld_force_ros.assessment.criteria import CRITERIA
+from weld_force_ros.assessment.judge import assess, judge
+from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.errors import InputError
+from weld_force_ros.measurement.shapes import cosine_dip
 from weld_force_ros.messages import (
     ForceHistory,
     ForceMap,
@@ -34,7 +27,9 @@ from weld_force_ros.messages import (
     encode,
     profile_sha256,
 )
-from weld_force_ros.tracks import load
+from weld_force_ros.simulation.settings import DEFAULT_SPEEDS, parse_positions, parse_speeds, simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
+from weld_force_ros.simulation.track_file import load
 
 SPEEDS, POSITIONS = [40.0, 90.0, 140.0], [0.0, 0.2, 0.4]
 
@@ -76,7 +71,7 @@ def test_range_of_speeds_includes_its_last(first: int, steps: int, step: float):
 
 def test_range_stops_before_what_it_would_pass():
     assert parse_speeds("20:32:5") == [20.0, 25.0, 30.0]
-    assert parse_speeds(assess.DEFAULT_SPEEDS) == list(np.arange(20.0, 301.0, 5.0))
+    assert parse_speeds(DEFAULT_SPEEDS) == list(np.arange(20.0, 301.0, 5.0))
 
 
 @given(st.integers(1, 1000))
@@ -215,7 +210,7 @@ def test_several_threads_may_share_a_simulator(simulator: Simulator, force_map: 
 def test_assessment_is_map_worst_history_and_verdict(simulator: Simulator, force_map: ForceMap):
     known = profile(line_speed_kmh=100.0, chainage_m=12.5, rail="left")
     limits = load_limits()
-    found = assess.assess(known, simulator, limits)
+    found = assess(known, simulator, limits)
     for message in (found.force_map, found.history, found.verdict):
         encode(message)
     worst = max(force_map.peak_force_n[: 2 * 3])  # 140 km/h is above the line's speed

@@ -10,9 +10,9 @@ import pytest
 from bag_harness import profile, record, rejection
 
 from weld_force_ros import bag as bags
+from weld_force_ros.assessment.criteria import CRITERIA
 from weld_force_ros.bag.layout import layout
 from weld_force_ros.cli import main
-from weld_force_ros.core.criteria import CRITERIA
 from weld_force_ros.messages import TOPICS, json_schema
 
 TITLES = {"lichtblickPanelTitle", "foxglovePanelTitle"}

@@ -17,11 +17,14 @@ import pyarrow.parquet as pq
 import pytest
 import xarray as xr
 
-from weld_force_ros import cli, profiles
-from weld_force_ros.assess import Simulator, judge, load_limits
+from weld_force_ros import cli
+from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.campaign import definition, network, plan, profile_table, query, records, run, sources, tables, work
 from weld_force_ros.campaign.profile_table import Unusable
 from weld_force_ros.errors import InputError
+from weld_force_ros.measurement import profile_file
+from weld_force_ros.simulation.simulator import Simulator
 
 HOSTILE = "</script><img src=x onerror=alert(1)>"
 CAMPAIGN = """
@@ -51,7 +54,7 @@ def folder(tmp_path_factory):
     profile_table.write(made / "north.parquet", [*welds, *(Unusable("bag", "no such", "remedy") for _ in range(3))])
     (made / "south").mkdir()
     for weld in network.network(8, seed=2):
-        profiles.write_profile(weld, made / "south" / f"{weld.weld_id}.csv")
+        profile_file.write_profile(weld, made / "south" / f"{weld.weld_id}.csv")
     (made / "south" / "zz.csv").write_text("x,z\n0,0\n", encoding="utf-8")
     (made / "north.yaml").write_text(CAMPAIGN, encoding="utf-8")
     return made
@@ -293,7 +296,7 @@ def test_population_is_seeded(tmp_path, capsys):
     assert cli.main(["population", "3", "--out", str(tmp_path / "files"), "--seed", "7"]) == 0
     assert cli.main(["population", "5", "--out", str(tmp_path / "t.parquet"), "--seed", "7"]) == 0
     capsys.readouterr()
-    files = [profiles.read_profile(path) for path in sorted((tmp_path / "files").iterdir())]
+    files = [profile_file.read_profile(path) for path in sorted((tmp_path / "files").iterdir())]
     table = list(profile_table.read(tmp_path / "t.parquet", 0, 3))
     assert [weld.profile_sha256 for weld in files] == [weld.profile_sha256 for weld in table]
     assert np.all(np.diff([weld.chainage_m for weld in table]) >= 0)

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from weld_force_ros.cli import main
+from weld_force_ros.measurement.profile_file import shipped
 from weld_force_ros.messages import SCHEMAS, ForceMap, Verdict, decode, json_schema
-from weld_force_ros.profiles import shipped
 
 QUICK = ["--speeds", "60,120", "--positions", "0.1,0.4"]
 BAG = Path(__file__).parent.parent / "bags" / "demo"
@@ -114,13 +114,13 @@ def test_a_bad_profile_among_good_ones_costs_only_itself(capfd, tmp_path):
 
 
 def test_receptance_is_a_row_major_matrix_of_the_exact_track(capfd):
-    from weld_force_ros import tracks
-    from weld_force_ros.core.track import receptance
+    from weld_force_ros.physics.track.beam import receptance
+    from weld_force_ros.simulation import track_file
 
     code, lines, _ = run(capfd, "receptance", "--track", "bilbao", "--at", "0.0,0.30", "--freq", "50,100,200",
                          "--json", "-")  # fmt: skip
     (answer,) = map(json.loads, lines)
-    exact = receptance(tracks.load("bilbao").track, [50, 100, 200], [0.0, 0.3])
+    exact = receptance(track_file.load("bilbao").track, [50, 100, 200], [0.0, 0.3])
     assert code == 0
     assert list(answer) == ["track", "engine", "at_m", "frequency_hz", "real_m_per_n", "imag_m_per_n"]
     assert answer["real_m_per_n"] == pytest.approx(exact.real.ravel().tolist())

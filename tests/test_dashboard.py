@@ -12,7 +12,8 @@ import pytest
 from msgspec.structs import replace
 from test_show import force_map
 
-from weld_force_ros.assess import judge, load_limits
+from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.dashboard import Board, Server
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import (

@@ -8,11 +8,11 @@ import numpy as np
 import platformdirs
 import pytest
 
-from weld_force_ros import fits, tracks
 from weld_force_ros.cli import main
-from weld_force_ros.core.track import sections, static_compliance
+from weld_force_ros.physics.track.beam import sections, static_compliance
+from weld_force_ros.simulation import fit_store, track_file
 
-SMALL = fits.Search(degree=6, generations=3, population=8)
+SMALL = fit_store.Search(degree=6, generations=3, population=8)
 
 
 @pytest.fixture
@@ -22,8 +22,8 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_an_interrupted_search_goes_on_and_ends_as_an_uninterrupted_one(cache: Path):
-    definition = tracks.load("bilbao-continuous")
-    whole = fits.make_rfp(definition, SMALL)
+    definition = track_file.load("bilbao-continuous")
+    whole = fit_store.make_rfp(definition, SMALL)
     seen: list[int] = []
 
     def stop_after_the_first(progress) -> None:
@@ -32,9 +32,9 @@ def test_an_interrupted_search_goes_on_and_ends_as_an_uninterrupted_one(cache: P
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        fits.make_rfp(definition, SMALL, on_generation=stop_after_the_first)
+        fit_store.make_rfp(definition, SMALL, on_generation=stop_after_the_first)
     assert len(list(cache.glob("search-*.json"))) == 1
-    resumed = fits.make_rfp(definition, SMALL, on_generation=lambda now: seen.append(now.population.generation))
+    resumed = fit_store.make_rfp(definition, SMALL, on_generation=lambda now: seen.append(now.population.generation))
     assert seen == [1, 2, 3]
     assert msgspec.to_builtins(resumed) == msgspec.to_builtins(whole)
     assert list(cache.glob("search-*.json")) == []
@@ -59,11 +59,11 @@ def test_a_fit_that_cannot_be_is_one_line(cache: Path, options: list[str], capfd
     assert (out, err.count("\n")) == ("", 1)
 
 
-@pytest.mark.parametrize("name", tracks.shipped())
+@pytest.mark.parametrize("name", track_file.shipped())
 @pytest.mark.parametrize("engine", ["common-poles", "rfp"])
 def test_shipped_fits_hold_the_exact_static_stiffness_of_every_section(name: str, engine: str, cache: Path):
-    definition = tracks.load(name)
-    model = fits.fitted(definition, engine).model()
+    definition = track_file.load(name)
+    model = fit_store.fitted(definition, engine).model()
     assert not cache.exists()  # it was shipped, not made
     at = sections(definition.track, len(model.section_m))
     exact = static_compliance(definition.track, at)

@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from weld_force_ros import assess
+from weld_force_ros.assessment.grinding import Adviser
 from weld_force_ros.cli import main
-from weld_force_ros.core.shapes import cosine_dip
-from weld_force_ros.core.weld import wheel_trajectory
-from weld_force_ros.grinding import Adviser
+from weld_force_ros.measurement.profile_file import find, read_profile
+from weld_force_ros.measurement.shapes import cosine_dip
 from weld_force_ros.messages import (
     AssessmentSettings,
     GrindingAdvice,
@@ -21,7 +20,9 @@ from weld_force_ros.messages import (
     limits_sha256,
     profile_sha256,
 )
-from weld_force_ros.profiles import find, read_profile
+from weld_force_ros.physics.passage.wheel_path import wheel_trajectory
+from weld_force_ros.simulation.settings import simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
 
 SPEEDS = [60.0, 80.0, 100.0, 120.0, 140.0]
 X = np.linspace(-0.2, 0.2, 201)
@@ -36,7 +37,7 @@ def limits(most_n: float, reject_n: float = 350e3) -> AssessmentSettings:
 
 
 def adviser(most_n: float) -> Adviser:
-    settings = assess.simulation_settings(track="bilbao-viscous", speeds_kmh=SPEEDS, positions=4)
+    settings = simulation_settings(track="bilbao-viscous", speeds_kmh=SPEEDS, positions=4)
     return Adviser(settings, limits(most_n))
 
 
@@ -58,7 +59,7 @@ def test_ground_weld_is_within_limits_when_rolled_by_itself(protrusion: Grinding
     assert (protrusion.decision_before, protrusion.decision_after) == ("grind", "accept")
     assert protrusion.removed_m2 > 0
     x, ground = np.array(protrusion.x_m), np.array(protrusion.z_m) - np.array(protrusion.removal_m)
-    simulator = assess.Simulator(assess.simulation_settings(track="bilbao-viscous", speeds_kmh=SPEEDS, positions=12))
+    simulator = Simulator(simulation_settings(track="bilbao-viscous", speeds_kmh=SPEEDS, positions=12))
     rolled = simulator.rig.surface(
         wheel_trajectory(x, ground, 0.45), np.arange(60.0, 141.0, 5.0), simulator.settings.positions_m
     )
@@ -68,9 +69,7 @@ def test_ground_weld_is_within_limits_when_rolled_by_itself(protrusion: Grinding
 def test_reference_engine_agrees(protrusion: GrindingAdvice):
     assert protrusion.reference_checked == protrusion.reference_within > 0
     assert protrusion.reference_peak_n <= LIMIT_N
-    exact = assess.Simulator(
-        assess.simulation_settings(track="bilbao-viscous", engine="reference", speeds_kmh=[140.0], positions=4)
-    )
+    exact = Simulator(simulation_settings(track="bilbao-viscous", engine="reference", speeds_kmh=[140.0], positions=4))
     x, ground = np.array(protrusion.x_m), np.array(protrusion.z_m) - np.array(protrusion.removal_m)
     rolled = exact.rig.surface(wheel_trajectory(x, ground, 0.45), [140.0], exact.settings.positions_m)
     assert rolled.peak_force_n.max() <= LIMIT_N * (1 + 1e-6)

@@ -26,13 +26,16 @@ import weld_force_ros
 assert not {"numba", "numpy"} & sys.modules.keys(), "the root imports the science"
 import json
 import numpy as np
-from weld_force_ros import assess
+from weld_force_ros.assessment.judge import assess
+from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.messages import WeldProfile, encode, profile_sha256
+from weld_force_ros.simulation.settings import simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
 x = (np.arange(-50, 51) * 1e-3).tolist()
 z = (-1e-4 * np.exp(-((np.array(x) / 0.02) ** 2))).tolist()
 weld = WeldProfile(weld_id="w", source="s", x_m=x, z_m=z, profile_sha256=profile_sha256(x, z))
-simulator = assess.Simulator(assess.simulation_settings(track="bilbao-continuous", speeds_kmh=[80.0], positions=1))
-found = assess.assess(weld, simulator, assess.load_limits())
+simulator = Simulator(simulation_settings(track="bilbao-continuous", speeds_kmh=[80.0], positions=1))
+found = assess(weld, simulator, load_limits())
 print(encode(found.force_map).decode())
 assert not OPTIONAL & sys.modules.keys()
 """

@@ -13,15 +13,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from weld_force_ros import live as live_module
-from weld_force_ros.core.detection import APART_M
-from weld_force_ros.core.shapes import cosine_dip
-from weld_force_ros.core.stream import KEPT_M
 from weld_force_ros.errors import InputError
-from weld_force_ros.live import GIVEN_UP_M, MOST_WAITING, LiveRail
+from weld_force_ros.measurement import live_capture
+from weld_force_ros.measurement.live_capture import GIVEN_UP_M, MOST_WAITING, LiveRail
+from weld_force_ros.measurement.profile_file import read_profile
+from weld_force_ros.measurement.rail_stream import KEPT_M
+from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.measurement.synthetic_rail import Batch, Handling, SyntheticRail, run
+from weld_force_ros.measurement.weld_detection import APART_M
 from weld_force_ros.messages import RailSurface, WeldMarker, WeldProfile
-from weld_force_ros.profiles import read_profile
-from weld_force_ros.trolley import Batch, Handling, SyntheticRail, run
 
 NOISE_M, JITTER_M = 1e-6, 0.1e-3
 RAILS = {seed: SyntheticRail(60.0, seed) for seed in range(3)}
@@ -459,7 +459,7 @@ def test_a_capture_that_cannot_be_written_waits_and_is_announced_once(bench: Ben
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(live_module, "write_profile", full)
+        patch.setattr(live_capture, "write_profile", full)
         drive(live, 2.0, 4.0)
     assert live.waiting == 1
     (told,) = bench.announced

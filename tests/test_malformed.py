@@ -13,10 +13,11 @@ from soak import malformed
 from soak.malformed import DefectError, Kind, Reading, Report, check_profile, check_refusal
 from soak.mutations import ANYWHERE, JSON, LINES, MEASUREMENTS, RECORDING, YAML
 
-from weld_force_ros import profiles, tracks
 from weld_force_ros.errors import InputError
+from weld_force_ros.measurement import profile_file
 from weld_force_ros.messages import TOPICS, RailSurface, WeldProfile, decode, profile_sha256
 from weld_force_ros.ros.accounts import header_of
+from weld_force_ros.simulation import track_file
 
 COUNT, SEED = 2_000, 1
 
@@ -150,8 +151,8 @@ def test_any_bytes_are_refused(data):
     header_of(data.decode("utf-8", "replace"))
     for read in (
         lambda: decode(WeldProfile, data),
-        lambda: profiles.parse_profile(data, "measured.csv"),
-        lambda: tracks.parse(data.decode("utf-8", "replace"), "track.yaml"),
+        lambda: profile_file.parse_profile(data, "measured.csv"),
+        lambda: track_file.parse(data.decode("utf-8", "replace"), "track.yaml"),
     ):
         with pytest.raises(InputError) as refusal:
             read()

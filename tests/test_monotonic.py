@@ -5,13 +5,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from weld_force_ros.assess import Simulator, load_limits, simulation_settings
-from weld_force_ros.core import verdict
-from weld_force_ros.core.population import population
-from weld_force_ros.core.shapes import cosine_dip
-from weld_force_ros.core.weld import wheel_trajectory
+from weld_force_ros.assessment import verdict
+from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.measurement.profile_file import find, read_profile, shipped
+from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.measurement.synthetic_welds import population
 from weld_force_ros.messages import ForceMap, Rules, WeldProfile, profile_sha256
-from weld_force_ros.profiles import find, read_profile, shipped
+from weld_force_ros.physics.passage.wheel_path import wheel_trajectory
+from weld_force_ros.simulation.settings import simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
 
 SCALES = (0.5, 1.0, 1.5, 2.5, 4.0)
 SEVERITY = ("accept", "grind", "reject")

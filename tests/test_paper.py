@@ -8,8 +8,9 @@ import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
-from weld_force_ros import cli_study, profiles
+from weld_force_ros import cli_study
 from weld_force_ros.cli import main
+from weld_force_ros.measurement import profile_file
 from weld_force_ros.studies import claims, paper
 from weld_force_ros.studies.laboratory import Laboratory
 
@@ -78,9 +79,9 @@ def test_what_fails_in_another_process_is_one_line(tmp_path, capfd):
 
 
 def test_a_weld_of_the_users_own_is_studied_and_not_held_against_the_paper(tmp_path: Path):
-    weld = profiles.read_profile(profiles.find("weld-4-steep-ramp"))
+    weld = profile_file.read_profile(profile_file.find("weld-4-steep-ramp"))
     own = tmp_path / "own.csv"
-    profiles.write_profile(weld, own)
+    profile_file.write_profile(weld, own)
     result = CliRunner().invoke(
         cli_study.app, ["curve", "--profile", str(own), "--quick", "--out", str(tmp_path / "out"), "--json", "-"]
     )

@@ -15,10 +15,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from weld_force_ros.core.shapes import REFERENCE_SHAPES, cosine_dip, ramp
 from weld_force_ros.errors import ProfileError
+from weld_force_ros.measurement.profile_file import PlainForm, find, parse_profile, read_profile, shipped, write_profile
+from weld_force_ros.measurement.shapes import REFERENCE_SHAPES, cosine_dip, ramp
 from weld_force_ros.messages import WeldProfile, encode, profile_sha256
-from weld_force_ros.profiles import PlainForm, find, parse_profile, read_profile, shipped, write_profile
 
 WHEEL_RADIUS_M = 0.45
 UNITS = "# x_unit: mm\n# z_unit: um\n# z_positive: up\n"

@@ -6,11 +6,14 @@ import msgspec
 import pytest
 
 from weld_force_ros import replay
-from weld_force_ros.assess import Simulator, assess, load_limits, simulation_settings
+from weld_force_ros.assessment.judge import assess
+from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.bag import STRING, Recorder, string_cdr
 from weld_force_ros.errors import BagError
+from weld_force_ros.measurement.profile_file import find, read_profile
 from weld_force_ros.messages import TOPICS, Message, encode
-from weld_force_ros.profiles import find, read_profile
+from weld_force_ros.simulation.settings import simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
 
 
 @pytest.fixture(scope="module")

@@ -12,12 +12,15 @@ import pytest
 from report_data import HOSTILE, ancient, entries, ground, hostile, undecided, unusable, weld
 
 from weld_force_ros import replay
-from weld_force_ros.assess import Simulator, assess, load_limits, simulation_settings
+from weld_force_ros.assessment.judge import assess
+from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.cli import main
 from weld_force_ros.errors import InputError
+from weld_force_ros.measurement.profile_file import find, read_profile
 from weld_force_ros.messages import encode
-from weld_force_ros.profiles import find, read_profile
 from weld_force_ros.report_page import Entry, Weld, detail, page, printing, row, welds
+from weld_force_ros.simulation.settings import simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
 
 BAG = Path(__file__).parent.parent / "bags" / "demo"
 FIVE_HUNDRED_BYTES = 15_000_000

@@ -13,7 +13,8 @@ from bag_harness import record, rejection
 from msgspec import UNSET
 from msgspec.structs import replace
 
-from weld_force_ros.assess import judge, load_limits
+from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.cli import main
 from weld_force_ros.messages import TOPICS, ForceMap, Message, SpeedCurve, Verdict, decode, encode
 

@@ -7,14 +7,18 @@ import msgspec
 import numpy as np
 import pytest
 
-from weld_force_ros import fits, tracks
-from weld_force_ros.assess import Simulator, judge, load_limits, load_uncertainty, simulation_settings
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.shapes import cosine_dip
-from weld_force_ros.core.uncertainty import PLACE, RADIUS, REST, draw, noisy
-from weld_force_ros.core.weld import wheel_trajectory
+from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.probability import PLACE, RADIUS, REST
 from weld_force_ros.errors import InputError
+from weld_force_ros.measurement.shapes import cosine_dip
 from weld_force_ros.messages import SimulationSettings, Spread, WeldProfile, config_sha256, encode, profile_sha256
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.passage.wheel_path import wheel_trajectory
+from weld_force_ros.simulation import fit_store, track_file
+from weld_force_ros.simulation.settings import load_uncertainty, simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
+from weld_force_ros.simulation.uncertainty import draw, noisy
 
 SPEEDS, POSITIONS = [60.0, 110.0, 160.0], [0.0, 0.2, 0.4]
 
@@ -37,9 +41,9 @@ def test_samples_are_what_rolling_each_by_itself_gives():
     known = profile(line_speed_kmh=120.0)
     spread = Simulator(chosen).force_map(known).spread
     assert isinstance(spread, Spread)
-    draws, definition = draw(chosen.uncertainty), tracks.load("bilbao-viscous")
+    draws, definition = draw(chosen.uncertainty), track_file.load("bilbao-viscous")
     x, z = np.array(known.x_m), np.array(known.z_m)
-    fitted = lru_cache(fits.make_poles)  # the same supports give the same fit
+    fitted = lru_cache(fit_store.make_poles)  # the same supports give the same fit
     for i in range(8):
         track = definition.track
         pad, ballast = (

@@ -16,8 +16,9 @@ import pytest
 from numba.core import event
 
 import weld_force_ros
-from weld_force_ros import _files, fits, tracks
+from weld_force_ros import _files
 from weld_force_ros.physics._numba_cache import compiled
+from weld_force_ros.simulation import fit_store, track_file
 
 PACKAGE = Path(weld_force_ros.__file__).parent
 
@@ -157,7 +158,7 @@ def test_a_user_without_a_home_gets_the_shipped_fits(monkeypatch):
         raise RuntimeError("could not determine the home directory")  # as platformdirs says it
 
     monkeypatch.setattr(platformdirs, "user_cache_path", nobody)
-    assert fits.fitted(tracks.load("bilbao")).track == "bilbao"
+    assert fit_store.fitted(track_file.load("bilbao")).track == "bilbao"
     with pytest.raises(OSError, match=os.devnull):
         _files.write_whole(b"", _files.folder("fits") / "fit.json")
 

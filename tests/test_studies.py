@@ -13,12 +13,13 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import numpy as np
 import pytest
 
-from weld_force_ros import assess, tracks
 from weld_force_ros.cli import main
-from weld_force_ros.core.reference import GreenRig
-from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.weld import Trajectory
 from weld_force_ros.errors import NumericalError
+from weld_force_ros.physics.engines.greens_function import GreenRig
+from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.wheel_path import Trajectory
+from weld_force_ros.simulation import simulator, track_file
+from weld_force_ros.simulation.settings import ENGINES, simulation_settings
 from weld_force_ros.studies.comparison import Passage, error_of, grouped
 from weld_force_ros.studies.engines import QUICK_GRIDS, TARGETS
 from weld_force_ros.studies.grids import COSINES_M, Grid, ReferenceGrid, trajectory
@@ -27,7 +28,7 @@ from weld_force_ros.studies.reference_peaks import ReferencePeaks
 from weld_force_ros.studies.tables import Column, Table
 
 QUICK_PASSAGES = sum(len(g.shapes) * len(g.speeds_kmh) * g.position_count for g in QUICK_GRIDS)
-FITTED = [engine for engine in assess.ENGINES if engine != "reference"]
+FITTED = [engine for engine in ENGINES if engine != "reference"]
 
 
 def passage(reference_n: float, peak_n: float, *, shape: str = "dip", speed_kmh: float = 80.0) -> Passage:
@@ -80,7 +81,7 @@ def test_an_engine_that_fails_at_one_speed_is_still_compared_at_the_others():
 
     grid = Grid("track", ("dip",), (80.0, 120.0, 160.0), 2)
     reference = ReferenceGrid(
-        grid, tracks.load("bilbao"), [Trajectory(0.0, np.zeros(9))], np.array([0.0, 0.3]), np.full((1, 3, 2), 100e3)
+        grid, track_file.load("bilbao"), [Trajectory(0.0, np.zeros(9))], np.array([0.0, 0.3]), np.full((1, 3, 2), 100e3)
     )
     by_speed = grouped(reference.compared("fragile", Fragile()), "speed_kmh")
     assert [e.not_finite for e in by_speed.values()] == [0, 2, 0]
@@ -98,7 +99,7 @@ def test_flats_are_rounded_alike():
     ratios = [length / math.sqrt(8 * 0.45 * depth) for length, depth in (
         (0.100, 0.9e-3), COSINES_M["wheel-flat-1mm"], COSINES_M["wheel-flat-2mm"])]  # fmt: skip
     assert ratios == pytest.approx([ratios[0]] * 3)
-    heights = trajectory("wheel-flat-2mm", tracks.load("johansson-nielsen")).height_m
+    heights = trajectory("wheel-flat-2mm", track_file.load("johansson-nielsen")).height_m
     assert heights.min() == pytest.approx(-2e-3, rel=1e-6)  # the wheel, rounder than the flat, reaches its bottom
 
 
@@ -116,7 +117,7 @@ def test_tables_write_units_missing_cells_and_eight_digits(tmp_path):
 def counted(monkeypatch) -> list[int]:
     """The reference replaced by the fitted engine, which is quick, and how many welds each call computed."""
     calls: list[int] = []
-    quick = assess.Simulator(assess.simulation_settings(track="johansson-nielsen")).rig
+    quick = simulator.Simulator(simulation_settings(track="johansson-nielsen")).rig
 
     def surfaces(self, trajectories, speeds_kmh, positions_m):
         calls.append(len(trajectories))
@@ -127,7 +128,7 @@ def counted(monkeypatch) -> list[int]:
 
 
 def test_reference_peaks_are_computed_once_for_each_track_wheel_shape_speed_and_position(tmp_path, counted):
-    jn, bilbao = tracks.load("johansson-nielsen"), tracks.load("bilbao")
+    jn, bilbao = track_file.load("johansson-nielsen"), track_file.load("bilbao")
     flat, dip = (trajectory(shape, jn) for shape in ("wheel-flat-1mm", "cosine-dip-48mm"))
     kept, at = ReferencePeaks(tmp_path), np.array([0.0, 0.3])
     first = kept.at_speed(jn, [flat], 100.0, at)
@@ -144,7 +145,7 @@ def test_reference_peaks_are_computed_once_for_each_track_wheel_shape_speed_and_
 
 
 def test_a_damaged_file_of_reference_peaks_is_computed_anew(tmp_path, counted):
-    jn = tracks.load("johansson-nielsen")
+    jn = track_file.load("johansson-nielsen")
     dip, at = trajectory("cosine-dip-48mm", jn), np.array([0.0])
     expected = ReferencePeaks(tmp_path).at_speed(jn, [dip], 100.0, at)
     (file,) = tmp_path.iterdir()

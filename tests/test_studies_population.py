@@ -8,7 +8,7 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import numpy as np
 import pytest
 
-from weld_force_ros.core.shapes import cosine_dip
+from weld_force_ros.measurement.shapes import cosine_dip
 from weld_force_ros.messages import WeldProfile, profile_sha256
 from weld_force_ros.studies import population, validation
 from weld_force_ros.studies.laboratory import Investigation, Laboratory

@@ -6,8 +6,9 @@ import json
 import numpy as np
 import pytest
 
-from weld_force_ros import cli, tracks
-from weld_force_ros.core.track import StripRail
+from weld_force_ros import cli
+from weld_force_ros.physics.track.beam import StripRail
+from weld_force_ros.simulation import track_file
 from weld_force_ros.studies import rail
 
 
@@ -45,7 +46,7 @@ def test_rows_say_where_the_rails_part(studied):
 
 
 def test_either_rail_of_a_track_is_made_from_the_other():
-    beam = tracks.load("bilbao")
+    beam = track_file.load("bilbao")
     strips = rail.with_strips(beam, rail.sections.load("54E1").dimensions)
     assert isinstance(strips.track.rail, StripRail)
     assert rail.with_beam(strips).track == beam.track

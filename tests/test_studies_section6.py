@@ -9,11 +9,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from weld_force_ros import profiles
-from weld_force_ros.core.passage import History
-from weld_force_ros.core.spectra import Bands, Spectrum
-from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.weld import wheel_trajectory
+from weld_force_ros.measurement import profile_file
+from weld_force_ros.physics.analysis.spectra import Bands, Spectrum
+from weld_force_ros.physics.passage.passage import History
+from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.wheel_path import wheel_trajectory
 from weld_force_ros.studies import bands, claims, records, variants
 from weld_force_ros.studies.laboratory import BILBAO, CONTINUOUS, Investigation, Laboratory, Measured
 
@@ -31,7 +31,7 @@ def papers() -> dict[str, Investigation]:
 
 @pytest.fixture(scope="module")
 def own() -> Laboratory:
-    weld = profiles.read_profile(profiles.find("weld-4-steep-ramp"))
+    weld = profile_file.read_profile(profile_file.find("weld-4-steep-ramp"))
     return Laboratory(own_weld=msgspec.structs.replace(weld, weld_id=OWN), coarse=True)
 
 

@@ -11,10 +11,10 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import numpy as np
 import pytest
 
-from weld_force_ros import profiles
-from weld_force_ros.core.passage import History
-from weld_force_ros.core.peaks import Peak
+from weld_force_ros.measurement import profile_file
 from weld_force_ros.messages import WeldProfile, profile_sha256
+from weld_force_ros.physics.analysis.peaks import Peak
+from weld_force_ros.physics.passage.passage import History
 from weld_force_ros.studies.laboratory import BILBAO, Investigation, Laboratory
 from weld_force_ros.studies.motion import moving
 from weld_force_ros.studies.passages import (
@@ -52,7 +52,7 @@ def found() -> dict[str, Investigation]:
 def level() -> WeldProfile:
     """A weld that is none, with a name that no file can have."""
     x, z = np.linspace(-0.5, 0.5, 201).tolist(), [0.0] * 201
-    shipped = profiles.read_profile(profiles.find("weld-1-dip"))
+    shipped = profile_file.read_profile(profile_file.find("weld-1-dip"))
     identity = profile_sha256(x, z)
     return replace_profile(shipped, weld_id="km 12/3: left", x_m=x, z_m=z, profile_sha256=identity)
 

@@ -8,10 +8,10 @@ import platformdirs
 import pytest
 import yaml
 
-from weld_force_ros import fits, tracks
 from weld_force_ros.errors import InputError, TrackError
+from weld_force_ros.simulation import fit_store, track_file
 
-BILBAO = tracks.load("bilbao").text
+BILBAO = track_file.load("bilbao").text
 
 CONTINUOUS = """
 name: tram
@@ -41,9 +41,9 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def fits_made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     made: list[str] = []
-    real = fits.make
+    real = fit_store.make
     monkeypatch.setattr(
-        fits, "make", lambda definition, engine: (made.append(definition.track.name), real(definition, engine))[1]
+        fit_store, "make", lambda definition, engine: (made.append(definition.track.name), real(definition, engine))[1]
     )
     return made
 
@@ -51,7 +51,7 @@ def fits_made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def test_users_file_is_read_into_si_units(tmp_path: Path):
     path = tmp_path / "tram.yaml"
     path.write_text(CONTINUOUS)
-    found = tracks.load(str(path))
+    found = track_file.load(str(path))
     assert found.track.name == "tram"
     assert found.track.continuous
     assert found.text == CONTINUOUS
@@ -63,7 +63,7 @@ def test_users_file_is_read_into_si_units(tmp_path: Path):
     assert (found.wheel.mass_kg, found.wheel.static_load_n, found.wheel.hertz_n_per_m15) == (500, 55e3, 88e9)
 
 
-@pytest.mark.parametrize("name", tracks.shipped())
+@pytest.mark.parametrize("name", track_file.shipped())
 def test_every_number_of_a_shipped_track_names_its_source(name: str):
     def walk(node: dict) -> Iterator[tuple[str, object]]:
         for key, value in node.items():
@@ -72,7 +72,7 @@ def test_every_number_of_a_shipped_track_names_its_source(name: str):
             else:
                 yield key, value
 
-    for key, value in walk(yaml.safe_load(tracks.load(name).text)):
+    for key, value in walk(yaml.safe_load(track_file.load(name).text)):
         if not isinstance(value, str):
             assert isinstance(value, dict), f"{key} has no source"
             assert len(value["source"]) > 5
@@ -82,9 +82,9 @@ def test_sources_and_layout_are_no_part_of_a_fits_identity():
     bare = re.sub(r"\{value: ([\d.]+), source: \"[^\"]*\"\}", r"\1", BILBAO)
     assert "source" not in bare
     renamed = bare.replace("name: bilbao", "name: my own")
-    key = fits.key_of(tracks.load("bilbao"))
-    assert fits.key_of(tracks.parse(renamed, "renamed")) == key
-    assert fits.key_of(tracks.parse(bare.replace("348.6", "348.7"), "softer")) != key
+    key = fit_store.key_of(track_file.load("bilbao"))
+    assert fit_store.key_of(track_file.parse(renamed, "renamed")) == key
+    assert fit_store.key_of(track_file.parse(bare.replace("348.6", "348.7"), "softer")) != key
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,7 @@ def test_sources_and_layout_are_no_part_of_a_fits_identity():
 def test_file_that_is_no_track_is_refused_with_one_line(old: str, new: str, complaint: str):
     assert old in CONTINUOUS
     with pytest.raises(TrackError, match=re.escape(complaint)) as caught:
-        tracks.parse(CONTINUOUS.replace(old, new, 1), "tram.yaml")
+        track_file.parse(CONTINUOUS.replace(old, new, 1), "tram.yaml")
     assert str(caught.value).startswith("track file tram.yaml:")
     assert "\n" not in str(caught.value)
     assert caught.value.remedy
@@ -127,38 +127,38 @@ def test_yaml_bomb_is_refused_at_once():
         f"a{i}: &a{i} {{<<: [{', '.join([f'*a{i - 1}'] * 10)}]}}\n" for i in range(1, 12)
     )
     with pytest.raises(TrackError, match="anchors"):
-        tracks.parse(bomb, "bomb.yaml")
+        track_file.parse(bomb, "bomb.yaml")
 
 
 @pytest.mark.parametrize("name", ["no-such-track", "x" * 5000 + ".yaml", "\0.yaml", "..", "missing.yaml"])
 def test_unknown_track_is_refused_with_the_names_there_are(name: str):
     with pytest.raises(InputError, match="bilbao, bilbao-continuous"):
-        tracks.load(name)
+        track_file.load(name)
 
 
 def test_binary_file_is_refused(tmp_path: Path):
     path = tmp_path / "image.yaml"
     path.write_bytes(b"\x89PNG\xff\xfe\0")
     with pytest.raises(TrackError, match=r"image\.yaml"):
-        tracks.load(str(path))
+        track_file.load(str(path))
 
 
 def test_shipped_tracks_need_no_fitting(cache: Path, fits_made: list[str]):
-    for name in tracks.shipped():
-        fits.fitted(tracks.load(name))
+    for name in track_file.shipped():
+        fit_store.fitted(track_file.load(name))
     assert fits_made == []
     assert not cache.exists()
 
 
 def test_own_track_is_fitted_once_and_then_read(cache: Path, fits_made: list[str]):
-    definition, told = tracks.parse(CONTINUOUS, "tram.yaml"), []
-    first = fits.fitted(definition, on_fit=told.append)
-    again = fits.fitted(definition, on_fit=told.append)
+    definition, told = track_file.parse(CONTINUOUS, "tram.yaml"), []
+    first = fit_store.fitted(definition, on_fit=told.append)
+    again = fit_store.fitted(definition, on_fit=told.append)
     assert fits_made == ["tram"]
     assert len(told) == 1
     assert "tram" in told[0]
     assert msgspec.to_builtins(again) == msgspec.to_builtins(first)
-    assert [path.name for path in cache.iterdir()] == [f"{fits.key_of(definition)}.json"]
+    assert [path.name for path in cache.iterdir()] == [f"{fit_store.key_of(definition)}.json"]
 
 
 @pytest.mark.parametrize(
@@ -173,32 +173,32 @@ def test_own_track_is_fitted_once_and_then_read(cache: Path, fits_made: list[str
     ids=["cut", "empty", "binary", "a residue short", "another key"],
 )
 def test_damaged_cache_entry_is_made_anew(damage, cache: Path, fits_made: list[str]):
-    definition = tracks.parse(CONTINUOUS, "tram.yaml")
-    good = fits.fitted(definition)
+    definition = track_file.parse(CONTINUOUS, "tram.yaml")
+    good = fit_store.fitted(definition)
     entry = cache / f"{good.key}.json"
     damaged = damage(entry.read_bytes())
     assert damaged != entry.read_bytes()
     entry.write_bytes(damaged)
-    assert fits.fitted(definition).poles_re_rad_s == pytest.approx(good.poles_re_rad_s, rel=1e-6)
+    assert fit_store.fitted(definition).poles_re_rad_s == pytest.approx(good.poles_re_rad_s, rel=1e-6)
     assert len(fits_made) == 2
-    fits.fitted(definition)
+    fit_store.fitted(definition)
     assert len(fits_made) == 2
 
 
 def test_unwritable_cache_costs_only_time(cache: Path):
     cache.parent.write_text("a file where the folder should be")
-    fit = fits.fitted(tracks.parse(CONTINUOUS, "tram.yaml"))
+    fit = fit_store.fitted(track_file.parse(CONTINUOUS, "tram.yaml"))
     assert fit.model().order == fit.order
 
 
 def test_track_name_is_never_a_path(cache: Path):
-    definition = tracks.parse(CONTINUOUS.replace("name: tram", r'name: "../../tram\0"'), "tram.yaml")
-    fits.fitted(definition)
+    definition = track_file.parse(CONTINUOUS.replace("name: tram", r'name: "../../tram\0"'), "tram.yaml")
+    fit_store.fitted(definition)
     assert len(list(cache.iterdir())) == 1
 
 
 def test_fit_file_gives_back_its_model():
-    fit = fits.make(tracks.parse(CONTINUOUS, "tram.yaml"))
+    fit = fit_store.make(track_file.parse(CONTINUOUS, "tram.yaml"))
     model = fit.model()
     assert model.residues.shape == (1, len(model.poles_rad_s))
     assert np.all(model.poles_rad_s.real < 0)

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from weld_force_ros.core.population import population
-from weld_force_ros.core.roughness import REFERENCE_M
 from weld_force_ros.errors import InputError
-from weld_force_ros.trolley import BACK_M, SPACING_M, STEP_M, Batch, Handling, SyntheticRail, run
+from weld_force_ros.measurement.roughness import REFERENCE_M
+from weld_force_ros.measurement.synthetic_rail import BACK_M, SPACING_M, STEP_M, Batch, Handling, SyntheticRail, run
+from weld_force_ros.measurement.synthetic_welds import population
 
 SMOOTH_DB = -90.0
 EXACT = Handling(noise_m=0.0, jitter_m=0.0, overlap=0, turn_every_m=np.inf)

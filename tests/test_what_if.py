@@ -6,11 +6,12 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from weld_force_ros import assess
-from weld_force_ros.assess import Simulator, load_limits, simulation_settings
+from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.bag import STRING, Recorder, string_cdr
 from weld_force_ros.cli import main
 from weld_force_ros.errors import InputError, NumericalError
+from weld_force_ros.measurement.profile_file import find, read_profile
 from weld_force_ros.messages import (
     TOPICS,
     ForceMap,
@@ -22,8 +23,10 @@ from weld_force_ros.messages import (
     encode,
     profile_sha256,
 )
-from weld_force_ros.profiles import find, read_profile
 from weld_force_ros.replay import Recording, read
+from weld_force_ros.simulation import simulator
+from weld_force_ros.simulation.settings import simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
 from weld_force_ros.what_if import NotComputed, read_change, what_if
 
 SPEEDS, POSITIONS = [60.0, 120.0], [0.1, 0.4]
@@ -35,7 +38,7 @@ def settings_of(**others: float) -> SimulationSettings:
 
 def assessed(profile: WeldProfile, settings: SimulationSettings) -> list[Message]:
     force_map = Simulator(settings).force_map(profile)
-    return [profile, force_map, assess.judge(force_map, load_limits())]
+    return [profile, force_map, judge(force_map, load_limits())]
 
 
 @pytest.fixture(scope="module")
@@ -206,7 +209,7 @@ def test_a_track_that_cannot_be_fitted_is_tried_once_and_said_for_every_weld(tmp
         tried.append(settings.track)
         raise NumericalError("no usable fit")
 
-    monkeypatch.setattr(assess, "Simulator", refuse)
+    monkeypatch.setattr(simulator, "Simulator", refuse)
     results = list(what_if(bag, read_change(track="bilbao-viscous")))
     assert results == [NotComputed(weld.weld_id, "no usable fit")] * 2
     assert tried == ["bilbao-viscous"]

@@ -4,8 +4,11 @@ import time
 
 import numpy as np
 
-from weld_force_ros.assess import Simulator, judge, load_limits, load_uncertainty, simulation_settings
-from weld_force_ros.profiles import find, read_profile, shipped
+from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.measurement.profile_file import find, read_profile, shipped
+from weld_force_ros.simulation.settings import load_uncertainty, simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
 
 SPEEDS_KMH = np.linspace(20.0, 255.0, 48).tolist()
 SAMPLES = 200

@@ -1,6 +1,6 @@
 """Wheel-rail contact forces over measured rail welds.
 
-The package's root imports nothing: `weld_force_ros.assess` holds the one composition from a weld profile to a
+The package's root imports nothing: `weld_force_ros.simulation.simulator` holds the one composition from a weld profile to a
 verdict, `weld_force_ros.core` the science, `weld_force_ros.ros` the nodes.
 """
 

@@ -49,9 +49,9 @@ from weld_force_ros.cli_options import (
 from weld_force_ros.errors import InputError, WeldForceError
 
 if TYPE_CHECKING:
-    from weld_force_ros.assess import Simulator
-    from weld_force_ros.fits import AnyFit
     from weld_force_ros.messages import SimulationSettings
+    from weld_force_ros.simulation.fit_store import AnyFit
+    from weld_force_ros.simulation.simulator import Simulator
 
 # Typer's usage errors, whether its click is the package or a copy of its own.
 _UsageError: Any = typer.BadParameter.__base__
@@ -98,7 +98,8 @@ def simulate(
 ) -> None:
     """Peak force of measured welds at every speed and position."""
     from weld_force_ros import terminal
-    from weld_force_ros.profiles import PlainForm, find, read_profile
+    from weld_force_ros.assessment.judge import worst_history
+    from weld_force_ros.measurement.profile_file import PlainForm, find, read_profile
 
     settings = _settings(
         track, engine, speeds, positions, wheel_mass_kg, static_load_n, wheel_radius_m, hertz_n_per_m15, uncertainty,
@@ -127,7 +128,7 @@ def simulate(
                 from weld_force_ros import report
 
                 picture = plot if len(profiles) == 1 else plot.with_stem(f"{plot.stem}-{number}")
-                report.save(report.one_weld(profile, force_map, simulator.worst_history(profile, force_map)), picture)
+                report.save(report.one_weld(profile, force_map, worst_history(profile, simulator, force_map)), picture)
     if maps:
         terminal.show_maps(maps)
     if unusable:
@@ -143,19 +144,20 @@ def receptance(
     json: Json = None,
 ) -> None:
     """Point receptance of the rail: exact, or as an engine fits it."""
-    from weld_force_ros import fits, terminal, tracks
-    from weld_force_ros.core.track import receptance as exact_receptance
+    from weld_force_ros import terminal
+    from weld_force_ros.physics.track.beam import receptance as exact_receptance
+    from weld_force_ros.simulation import fit_store, track_file
 
     at_m, frequency_hz = _numbers("--at", at), _numbers("--freq", freq)
     if min(frequency_hz) <= 0:
         raise InputError(f"--freq {freq}: a frequency is not positive", "give frequencies in Hz above 0")
-    definition = tracks.load(track)
+    definition = track_file.load(track)
     if engine == "exact":
         with terminal.console.status("computing receptances"):  # of a rail by strips, seconds
             h = exact_receptance(definition.track, frequency_hz, at_m)
-    elif engine in get_args(fits.FittedEngine):
+    elif engine in get_args(fit_store.FittedEngine):
         h = (
-            fits.fitted(definition, cast(fits.FittedEngine, engine), on_fit=terminal.say)
+            fit_store.fitted(definition, cast(fit_store.FittedEngine, engine), on_fit=terminal.say)
             .model()
             .receptance(frequency_hz, at_m)
         )
@@ -197,18 +199,19 @@ def fit(
     json: Json = None,
 ) -> None:
     """Fit a track now and say how well it came out; an interrupted search goes on where it stopped."""
-    from weld_force_ros import fits, terminal, tracks
+    from weld_force_ros import terminal
+    from weld_force_ros.simulation import fit_store, track_file
 
-    definition = tracks.load(track)
+    definition = track_file.load(track)
     if engine not in ("rfp", "common-poles"):
         raise InputError(f"engine {engine!r} has no fit", "use rfp or common-poles")
     with terminal.progress() as bar:
         if engine == "rfp":
             task = bar.add_task(f"searching {definition.track.name}", total=generations)
-            how = fits.Search(
+            how = fit_store.Search(
                 degree=degree, section_count=sections, seed=seed, generations=generations, population=population
             )
-            made: fits.AnyFit = fits.make_rfp(
+            made: fit_store.AnyFit = fit_store.make_rfp(
                 definition,
                 how,
                 on_generation=lambda now: bar.update(
@@ -220,8 +223,8 @@ def fit(
             )
         else:
             bar.add_task(f"fitting {definition.track.name}", total=None)
-            made = fits.make_poles(definition)
-    fits.keep(made)
+            made = fit_store.make_poles(definition)
+    fit_store.keep(made)
     with json_lines.lines(json) as target:
         json_lines.write(target, made)
     _show_fit(made)
@@ -231,7 +234,7 @@ def fit(
 
         name = f"{made.track}.{made.engine}".replace("/", "_")
         try:
-            fits.write(made, out / f"{name}.json")
+            fit_store.write(made, out / f"{name}.json")
         except OSError as error:
             raise InputError(f"{out}: {error.strerror or error}", "name a writable folder") from None
         report.save(fit_figure(definition, made), out / f"{name}.png")
@@ -246,7 +249,7 @@ def fit(
 
 def _show_fit(made: "AnyFit") -> None:
     from weld_force_ros import terminal
-    from weld_force_ros.fits import RfpFit
+    from weld_force_ros.simulation.fit_store import RfpFit
 
     bands = zip(made.bands_hz[::2], made.bands_hz[1::2], made.error_by_band, made.acausal_floor_by_band, strict=True)
     terminal.table(
@@ -328,7 +331,7 @@ def _settings(
     samples: int | None,
     unknown: Path | None,
 ) -> "SimulationSettings":
-    from weld_force_ros.assess import load_uncertainty, parse_positions, parse_speeds, simulation_settings
+    from weld_force_ros.simulation.settings import load_uncertainty, parse_positions, parse_speeds, simulation_settings
 
     return simulation_settings(
         track=track,
@@ -345,7 +348,7 @@ def _settings(
 
 def _simulator(settings: "SimulationSettings") -> "Simulator":
     from weld_force_ros import terminal
-    from weld_force_ros.assess import Simulator
+    from weld_force_ros.simulation.simulator import Simulator
 
     return Simulator(settings, on_fit=terminal.say)
 

@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from weld_force_ros import json_lines
+from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.cli_options import EngineName, Json, Limits, Positions, Speeds, Track
 from weld_force_ros.errors import InputError
+from weld_force_ros.simulation.settings import parse_positions, parse_speeds, simulation_settings
 
 if TYPE_CHECKING:
-    from weld_force_ros.grinding import Adviser
+    from weld_force_ros.assessment.grinding import Adviser
     from weld_force_ros.messages import GrindingAdvice
 
 _MM, _MM2, _KN = 1e3, 1e6, 1e-3
@@ -30,7 +32,7 @@ def grind(
 ) -> None:
     """The least removal of metal that brings welds within their limits, rolled again by the reference engine."""
     from weld_force_ros import report, terminal
-    from weld_force_ros.profiles import find, read_profile
+    from weld_force_ros.measurement.profile_file import find, read_profile
 
     adviser = _adviser(track, engine, speeds, positions, limits, band_limit, stone_radius)
     welds = [read_profile(find(name)) for name in profiles]
@@ -66,20 +68,20 @@ def _adviser(
     band_limit_m: float,
     stone_radius_m: float,
 ) -> "Adviser":
-    from weld_force_ros import assess, terminal
-    from weld_force_ros.core.grinding import Grinder
-    from weld_force_ros.grinding import Adviser
+    from weld_force_ros import terminal
+    from weld_force_ros.assessment.grinding import Adviser
+    from weld_force_ros.assessment.grinding_search import Grinder
 
     if not 0.01 <= band_limit_m <= 2.0:
         raise InputError(f"--band-limit {band_limit_m:g} cannot be ground", "give 0.01 to 2 m")
-    settings = assess.simulation_settings(
+    settings = simulation_settings(
         track=track,
         engine=engine,
-        speeds_kmh=assess.parse_speeds(speeds),
-        positions=assess.parse_positions(positions),
+        speeds_kmh=parse_speeds(speeds),
+        positions=parse_positions(positions),
     )
     grinder = Grinder(band_limit_m=band_limit_m, stone_radius_m=stone_radius_m)
-    return Adviser(settings, assess.load_limits(limits), grinder, on_fit=terminal.say)
+    return Adviser(settings, load_limits(limits), grinder, on_fit=terminal.say)
 
 
 def _row(advice: "GrindingAdvice") -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from weld_force_ros.assessment.judge import SOFTWARE
 from weld_force_ros.cli_options import (
     Hertz,
     Limits,
@@ -40,8 +41,8 @@ def demo(
     trolley: Annotated[bool, typer.Option("--trolley", help="A simulated trolley measures instead of files.")] = False,
 ) -> None:
     """Run the whole suite on this machine over the shipped welds, or a trolley's, and show what came out."""
-    from weld_force_ros import assess, terminal
-    from weld_force_ros.profiles import shipped
+    from weld_force_ros import terminal
+    from weld_force_ros.measurement.profile_file import shipped
 
     demonstrate = ros_module("demo").demonstrate
     folder = out or Path("weld-force-demo") / datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
@@ -59,7 +60,7 @@ def demo(
     picture = _demo_picture(recording, folder / "force-maps.png")
     terminal.say(f"picture: {picture}")
     report(result.bag, folder / "report.html", grinding=True)
-    terminal.say(f"bag:     {result.bag}  ({assess.SOFTWARE})")
+    terminal.say(f"bag:     {result.bag}  ({SOFTWARE})")
     terminal.say(
         f"next:    open {folder / 'report.html'}   what to do with each weld, and why\n"
         f"         weld-force replay {result.bag} --verify   computes every verdict again, without ROS\n"

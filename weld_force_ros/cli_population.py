@@ -29,7 +29,7 @@ def population(
 
             profile_table.write(out, welds)
         else:
-            from weld_force_ros.profiles import write_profile
+            from weld_force_ros.measurement.profile_file import write_profile
 
             _make_folder(out)
             for weld in welds:

@@ -23,7 +23,7 @@ Grinding = Annotated[bool, typer.Option("--grinding", help="Search for the least
 def report(of: Of, out: Out, pdf: Pdf = None, limits: Limits = None, grinding: Grinding = False) -> None:
     """One self-contained page of welds: what to do with each and why; usable offline, on a phone and on paper."""
     from weld_force_ros import report_page, terminal
-    from weld_force_ros.assess import load_limits
+    from weld_force_ros.assessment.limits import load_limits
     from weld_force_ros.report_page.printing import print_pdf
 
     if pdf is not None:
@@ -49,7 +49,7 @@ def report(of: Of, out: Out, pdf: Pdf = None, limits: Limits = None, grinding: G
 
 def _entries(of: Path, limits: "AssessmentSettings | None") -> "list[Entry]":
     from weld_force_ros import terminal
-    from weld_force_ros.assess import load_limits
+    from weld_force_ros.assessment.limits import load_limits
     from weld_force_ros.replay import read
     from weld_force_ros.report_page import welds
 
@@ -79,7 +79,7 @@ def _with_grinding(entries: "list[Entry]", on_done: Callable[[], None]) -> "list
 def _grind() -> "Grind":
     """Advice on grinding; what a search under the same settings and limits needs is made once."""
     from weld_force_ros import terminal
-    from weld_force_ros.grinding import Adviser
+    from weld_force_ros.assessment.grinding import Adviser
 
     advisers: dict[tuple[str, str], Adviser] = {}
 

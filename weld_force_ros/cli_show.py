@@ -54,7 +54,7 @@ def show(bag: BagPath, weld: Named = None, restrict: Restrict = None, json: Json
 
 def _read(bag: Path) -> "list[Entry]":
     from weld_force_ros import terminal
-    from weld_force_ros.assess import load_limits
+    from weld_force_ros.assessment.limits import load_limits
     from weld_force_ros.replay import read
     from weld_force_ros.report_page.welds import recorded
 
@@ -80,8 +80,8 @@ def _last_of(name: str, welds: "Sequence[Weld]", bag: Path) -> "Weld":
 
 
 def _severity(entry: "Entry") -> tuple[int, float]:
+    from weld_force_ros.assessment.limits import ratio, worst
     from weld_force_ros.report_page import Weld
-    from weld_force_ros.report_page.rows import ratio, worst
 
     if not isinstance(entry, Weld):
         return _WORST_FIRST.index("unusable"), 0.0
@@ -90,8 +90,8 @@ def _severity(entry: "Entry") -> tuple[int, float]:
 
 def _front_rows(entries: "Sequence[Entry]", restrict: float | None) -> "Iterator[tuple[str | Text, ...]]":
     from weld_force_ros import terminal
+    from weld_force_ros.assessment.limits import worst
     from weld_force_ros.report_page import Weld, row
-    from weld_force_ros.report_page.rows import worst
 
     for number, entry in enumerate(entries, start=1):
         about = row(number, entry)
@@ -129,7 +129,7 @@ def _under_restriction(weld: "Weld", kmh: float) -> "Verdict | str":
     """The verdict if nothing ran faster, or why there is none."""
     from msgspec.structs import replace
 
-    from weld_force_ros.assess import judge
+    from weld_force_ros.assessment.judge import judge
 
     if weld.force_map is None or weld.limits is None:
         return f"not known, its {'force map' if weld.force_map is None else 'limits'} not recorded"

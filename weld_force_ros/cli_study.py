@@ -41,10 +41,11 @@ _SUMMARIES = {
 
 def _study(name: str) -> Callable[..., None]:
     def run(out: Out, profile: Profile = None, track: OwnTrack = None, quick: Quick = False, json: Json = None) -> None:
-        from weld_force_ros import profiles, terminal
+        from weld_force_ros import terminal
+        from weld_force_ros.measurement import profile_file
         from weld_force_ros.studies import laboratory, paper
 
-        weld = None if profile is None else profiles.read_profile(profile)
+        weld = None if profile is None else profile_file.read_profile(profile)
         lab = laboratory.Laboratory(own_weld=weld, own_track=track, coarse=quick)
         with terminal.console.status(f"study {name}"):
             studied = paper.run_one(name, lab, out)

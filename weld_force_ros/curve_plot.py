@@ -5,8 +5,8 @@ import math
 
 import plotext
 
-from weld_force_ros.core.verdict import judged_part
 from weld_force_ros.messages import ForceMap, SpeedCurve, Verdict
+from weld_force_ros.simulation.force_map_view import judged_part
 
 _HEIGHT = 18
 _MOST_TICKS = 8

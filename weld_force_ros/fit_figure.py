@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from weld_force_ros.core.track import receptance
-from weld_force_ros.fits import AnyFit, RfpFit
+from weld_force_ros.physics.track.beam import receptance
 from weld_force_ros.report import BLUE, GREEN, GREY, ORANGE, RED, new_figure
-from weld_force_ros.tracks import TrackDefinition
+from weld_force_ros.simulation.fit_store import AnyFit, RfpFit
+from weld_force_ros.simulation.track_file import TrackDefinition
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

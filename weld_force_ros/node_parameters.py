@@ -9,9 +9,10 @@ from typing import Annotated, Any
 
 import msgspec
 
-from weld_force_ros import _yaml, assess
+from weld_force_ros import _yaml
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import SimulationSettings, legible
+from weld_force_ros.simulation.settings import load_uncertainty, parse_positions, parse_speeds, simulation_settings
 
 Value = str | float | int | bool
 
@@ -162,10 +163,10 @@ def check(node: str, values: Mapping[str, Any]) -> None:
     except msgspec.ValidationError as error:
         raise InputError(f"{node}: {error}", "see data/config/default.yaml for what it takes") from None
     if node == "simulator_node":
-        simulation_settings(values)
+        settings_of_simulator(values)
 
 
-def simulation_settings(values: Mapping[str, Any]) -> SimulationSettings:
+def settings_of_simulator(values: Mapping[str, Any]) -> SimulationSettings:
     """Settings of a simulation from the simulator node's parameters; what is not given is at its default.
 
     Raises:
@@ -173,12 +174,12 @@ def simulation_settings(values: Mapping[str, Any]) -> SimulationSettings:
     """
     given = {parameter.name: parameter.default for parameter in PARAMETERS["simulator_node"]} | dict(values)
     wheel = ("wheel_mass_kg", "static_load_n", "wheel_radius_m", "hertz_n_per_m15")
-    return assess.simulation_settings(
+    return simulation_settings(
         track=given["track"],
         engine=given["engine"],
-        speeds_kmh=assess.parse_speeds(_listed(given["speeds"])),
-        positions=assess.parse_positions(_listed(given["positions"])),
-        uncertainty=assess.load_uncertainty(
+        speeds_kmh=parse_speeds(_listed(given["speeds"])),
+        positions=parse_positions(_listed(given["positions"])),
+        uncertainty=load_uncertainty(
             given["uncertainty_samples"], Path(given["uncertainty"]).expanduser() if given["uncertainty"] else None
         ),
         **{name: given[name] or None for name in wheel},

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import UNSET
 from msgspec.structs import replace
 
-from weld_force_ros.assess import Simulator, judge
+from weld_force_ros.assessment.judge import judge
 from weld_force_ros.bag import contract_messages, open_bag
 from weld_force_ros.errors import BagError, WeldForceError
 from weld_force_ros.messages import (
@@ -23,6 +23,7 @@ from weld_force_ros.messages import (
     Verdict,
     WeldProfile,
 )
+from weld_force_ros.simulation.simulator import Simulator
 
 # Another processor may round differently, and the contact magnifies it; a real difference is far larger.
 FORCE_TOLERANCE = 1e-6

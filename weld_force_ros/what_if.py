@@ -7,7 +7,8 @@ from typing import cast
 
 from msgspec.structs import replace
 
-from weld_force_ros import assess, tracks
+from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.errors import InputError, MessageError, WeldForceError
 from weld_force_ros.messages import (
     AssessmentSettings,
@@ -19,6 +20,9 @@ from weld_force_ros.messages import (
     encode,
 )
 from weld_force_ros.replay import Recording, again
+from weld_force_ros.simulation import track_file
+from weld_force_ros.simulation.settings import ENGINES, parse_speeds
+from weld_force_ros.simulation.simulator import Simulator
 
 _Identity = tuple[str, str, str]
 
@@ -30,7 +34,7 @@ class Change:
     The wheel and the positions (metres after the sleeper) always stay, on a track of another span too.
     """
 
-    track: tracks.TrackDefinition | None = None
+    track: track_file.TrackDefinition | None = None
     speeds_kmh: list[float] | None = None
     engine: Engine | None = None
     limits: AssessmentSettings | None = None
@@ -108,13 +112,13 @@ def read_change(
     """
     if track is None and speeds is None and engine is None and limits is None:
         raise InputError("--what-if: nothing is to be other", "give --track, --speeds, --engine or --limits")
-    if engine is not None and engine not in assess.ENGINES:
-        raise InputError(f"engine {engine!r} is not available", f"use {', '.join(assess.ENGINES)}")
+    if engine is not None and engine not in ENGINES:
+        raise InputError(f"engine {engine!r} is not available", f"use {', '.join(ENGINES)}")
     return Change(
-        track=None if track is None else tracks.load(track),
-        speeds_kmh=None if speeds is None else assess.parse_speeds(speeds),
+        track=None if track is None else track_file.load(track),
+        speeds_kmh=None if speeds is None else parse_speeds(speeds),
         engine=cast(Engine | None, engine),
-        limits=None if limits is None else assess.load_limits(limits),
+        limits=None if limits is None else load_limits(limits),
     )
 
 
@@ -164,7 +168,7 @@ class _Again:
         self._maps = {_identity(force_map): force_map for force_map in recording.force_maps}
         self._settings = {sha256: change.of(recorded) for sha256, recorded in recording.settings.items()}
         # A track that cannot be fitted is tried once, not for every weld.
-        self._simulators: dict[str, assess.Simulator | WeldForceError] = {}
+        self._simulators: dict[str, Simulator | WeldForceError] = {}
 
     def verdict(self, recorded: Verdict) -> Verdict:
         if recorded.peak_force_n <= 0:
@@ -175,7 +179,7 @@ class _Again:
         force_map = self._maps.get(_identity(recorded))
         if force_map is None:
             raise _missing("force map")
-        return assess.judge(self._rolled_again(force_map) if self._change.rolls_again else force_map, limits)
+        return judge(self._rolled_again(force_map) if self._change.rolls_again else force_map, limits)
 
     def _rolled_again(self, recorded: ForceMap) -> ForceMap:
         profile = self._recording.profiles.get((recorded.weld_id, recorded.profile_sha256))
@@ -186,10 +190,10 @@ class _Again:
             raise _missing("simulation settings")
         return again(recorded, profile, self._simulator(settings))
 
-    def _simulator(self, settings: SimulationSettings) -> assess.Simulator:
+    def _simulator(self, settings: SimulationSettings) -> Simulator:
         if settings.config_sha256 not in self._simulators:
             try:
-                self._simulators[settings.config_sha256] = assess.Simulator(settings, on_fit=self._on_fit)
+                self._simulators[settings.config_sha256] = Simulator(settings, on_fit=self._on_fit)
             except WeldForceError as error:
                 self._simulators[settings.config_sha256] = error
         simulator = self._simulators[settings.config_sha256]

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from weld_force_ros import fits, tracks
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.shapes import cosine_dip
-from weld_force_ros.core.weld import Trajectory, wheel_trajectory
-from weld_force_ros.tracks import TrackDefinition
+from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.passage.wheel_path import Trajectory, wheel_trajectory
+from weld_force_ros.simulation import fit_store, track_file
+from weld_force_ros.simulation.track_file import TrackDefinition
 
 # A shared machine's pauses are no property of the code.
 settings.register_profile("core", deadline=None, max_examples=40)
@@ -23,12 +23,12 @@ settings.load_profile("core")
 
 @pytest.fixture(scope="session")
 def definitions() -> dict[str, TrackDefinition]:
-    return {name: tracks.load(name) for name in tracks.shipped()}
+    return {name: track_file.load(name) for name in track_file.shipped()}
 
 
 @pytest.fixture(scope="session")
 def rigs(definitions: dict[str, TrackDefinition]) -> dict[str, Rig]:
-    return {name: Rig(fits.fitted(d).model(), d.wheel) for name, d in definitions.items()}
+    return {name: Rig(fit_store.fitted(d).model(), d.wheel) for name, d in definitions.items()}
 
 
 @pytest.fixture(scope="session")

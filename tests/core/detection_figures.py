@@ -11,10 +11,10 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from weld_force_ros.core.detection import detect
-from weld_force_ros.core.population import Making, SyntheticWeld, population
-from weld_force_ros.core.roughness import rail_roughness
-from weld_force_ros.core.shapes import cosine_dip
+from weld_force_ros.measurement.roughness import rail_roughness
+from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.measurement.synthetic_welds import Making, SyntheticWeld, population
+from weld_force_ros.measurement.weld_detection import detect
 
 LEVELS_DB = (-6.0, 0.0, 6.0, 10.0)
 HEIGHTS_MM = (0.05, 0.1, 0.2, 0.3)

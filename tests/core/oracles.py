@@ -10,10 +10,10 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.linalg import solve_banded
 
-from weld_force_ros.core.poles import PoleModel
-from weld_force_ros.core.track import Rail, Spring, Track
-from weld_force_ros.core.weld import RESAMPLED_STEP_M, Trajectory
-from weld_force_ros.core.wheel import Wheel
+from weld_force_ros.physics.engines.common_poles import PoleModel
+from weld_force_ros.physics.passage.wheel import Wheel
+from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, Trajectory
+from weld_force_ros.physics.track.beam import Rail, Spring, Track
 
 
 def winkler_stiffness(bending_nm2: float, foundation_n_per_m2: float) -> float:

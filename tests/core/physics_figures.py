@@ -8,12 +8,12 @@ from functools import cache
 import numpy as np
 from scipy.signal import find_peaks
 
-from weld_force_ros import fits, tracks
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.shapes import cosine_dip
-from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.track import pinned_pinned_hz, receptance, static_compliance
-from weld_force_ros.core.weld import Trajectory, wheel_trajectory
+from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.wheel_path import Trajectory, wheel_trajectory
+from weld_force_ros.physics.track.beam import pinned_pinned_hz, receptance, static_compliance
+from weld_force_ros.simulation import fit_store, track_file
 
 SPEEDS_KMH = np.arange(20.0, 301.0)
 
@@ -33,13 +33,13 @@ class Figure:
 
 
 @cache
-def _definition(name: str) -> tracks.TrackDefinition:
-    return tracks.load(name)
+def _definition(name: str) -> track_file.TrackDefinition:
+    return track_file.load(name)
 
 
 def _rig(track: str, **wheel: float) -> Rig:
     definition = _definition(track)
-    return Rig(fits.fitted(definition).model(), replace(definition.wheel, **wheel))
+    return Rig(fit_store.fitted(definition).model(), replace(definition.wheel, **wheel))
 
 
 def _cosine(length_m: float, depth_m: float) -> Trajectory:

@@ -7,15 +7,19 @@ import numpy as np
 
 from tests.core.test_section import ROD_M, extension, flexure, rod, wavenumbers
 from tests.core.test_strip import by_mesh, free_rail, with_strips
-from weld_force_ros import sections, terminal, tracks
-from weld_force_ros.core import strip
-from weld_force_ros.core.outline import outline
-from weld_force_ros.core.section import rail_mesh
-from weld_force_ros.core.track import free_decay, receptance, static_compliance
+from weld_force_ros import terminal
+from weld_force_ros.physics.track import waveguide_rail
+from weld_force_ros.physics.track.beam import free_decay, receptance, static_compliance
+from weld_force_ros.physics.track.cross_section import rail_mesh
+from weld_force_ros.physics.track.outline import outline
+from weld_force_ros.simulation import section_file, track_file
 
 
 def section_errors(name: str, refine: int) -> list[str]:
-    found, standard = rail_mesh(outline(sections.load(name).dimensions), refine=refine), sections.load(name).standard
+    found, standard = (
+        rail_mesh(outline(section_file.load(name).dimensions), refine=refine),
+        section_file.load(name).standard,
+    )
     pairs = (
         (found.area_m2 * 1e4, standard.area_cm2), (found.centroid_m * 1e3, standard.centroid_mm),
         (found.second_moment_m4 * 1e8, standard.second_moment_cm4),
@@ -39,16 +43,16 @@ def rod_error(equation, frequency_hz: float) -> float:
 
 def main() -> None:
     rows = [
-        [f"{name}, {'as used' if refine == strip.REFINE else 'refined'}", *section_errors(name, refine)]
-        for name in sections.shipped()
-        for refine in (strip.REFINE, 2 * strip.REFINE)
+        [f"{name}, {'as used' if refine == waveguide_rail.REFINE else 'refined'}", *section_errors(name, refine)]
+        for name in section_file.shipped()
+        for refine in (waveguide_rail.REFINE, 2 * waveguide_rail.REFINE)
     ]
     terminal.table(
         "Sections against the standard's numbers",
         [("section", ""), *((n, "right") for n in ("area", "centroid", "vertical I", "lateral I"))],
         rows,
     )
-    bilbao = tracks.load("bilbao").track
+    bilbao = track_file.load("bilbao").track
     strips = with_strips(bilbao)
     hz = np.linspace(20, 300, 29)
     beam, ours = (
@@ -62,7 +66,7 @@ def main() -> None:
     high = np.arange(50.0, 3001.0, 25.0)
     coarse = receptance(strips, high, at)
     refined = {refine: np.abs(coarse / by_mesh(strips, high, at, refine) - 1).max() for refine in (8, 16)}
-    strip.rail.cache_clear()
+    waveguide_rail.rail.cache_clear()
     began = time.perf_counter()
     free_rail(strips)
     made = time.perf_counter() - began

@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 from msgspec import UNSET
 
-from weld_force_ros.assess import Simulator, judge, load_limits, simulation_settings
-from weld_force_ros.core.advice import advise
-from weld_force_ros.core.criteria import Passages
-from weld_force_ros.core.population import SyntheticWeld, population
+from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.speed_advice import advise
+from weld_force_ros.measurement.synthetic_welds import SyntheticWeld, population
 from weld_force_ros.messages import AssessmentSettings, Limit, SpeedBand, WeldProfile, limits_sha256, profile_sha256
+from weld_force_ros.simulation.force_map_view import Passages
+from weld_force_ros.simulation.settings import simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
 
 SPEEDS = np.arange(20.0, 161.0)
 

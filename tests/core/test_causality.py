@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from weld_force_ros import tracks
-from weld_force_ros.core import causality
+from weld_force_ros.physics.track import causality
+from weld_force_ros.simulation import track_file
 
 
 def test_a_viscous_track_answers_after_the_impulse_only():
-    definition = tracks.load("johansson-nielsen")
+    definition = track_file.load("johansson-nielsen")
     found = causality.acausal(definition.track, 0.2)
     assert found.energy_share < 1e-4
     assert found.floor(definition.wheel.compliance, (5.0, 2500.0)) < 0.004
@@ -16,7 +16,7 @@ def test_a_viscous_track_answers_after_the_impulse_only():
 
 def test_a_loss_factor_of_one_puts_three_per_cent_of_the_energy_before_the_impulse():
     # physics.md: "3 % of the energy of bilbao's impulse response lies at negative time".
-    definition = tracks.load("bilbao")
+    definition = track_file.load("bilbao")
     assert causality.acausal(definition.track, 0.3).energy_share == pytest.approx(0.03, abs=0.01)
 
 
@@ -31,7 +31,7 @@ def test_the_cut_of_a_hysteretic_oscillator_is_what_its_poles_say(monkeypatch):
     monkeypatch.setattr(causality.tracks, "receptance", oscillator)
     monkeypatch.setattr(causality.tracks, "static_compliance", lambda track, at_m: np.array([1 / k]))
     monkeypatch.setattr(causality.tracks, "velocity_jump", lambda rail: 0.0)
-    found = causality.acausal(tracks.load("bilbao").track, 0.0)
+    found = causality.acausal(track_file.load("bilbao").track, 0.0)
     omega = np.linspace(0.0, 2 * np.pi * 3000.0, 40_001)
     spectrum = 1 / (k * (1 + 1j * eta) - m * omega**2)
     times = np.linspace(0.0, 0.08, 801)

@@ -4,17 +4,12 @@ import numpy as np
 import pytest
 from msgspec import UNSET
 
-from weld_force_ros.assess import load_limits, measured
-from weld_force_ros.core.criteria import (
-    CRITERIA,
-    FORCE_CRITERIA,
-    applies,
-    geometry_value,
-    gradient_norm_rad,
-    passages,
-)
-from weld_force_ros.core.wheel import Wheel
+from weld_force_ros.assessment.criteria import CRITERIA, FORCE_CRITERIA, geometry_value, gradient_norm_rad
+from weld_force_ros.assessment.limits import applies, load_limits
 from weld_force_ros.messages import Limit, NormPoint, ProfileMeasures, SpeedCurve, WeldProfile, profile_sha256
+from weld_force_ros.physics.passage.wheel import Wheel
+from weld_force_ros.simulation.force_map_view import passages
+from weld_force_ros.simulation.simulator import measured
 
 STATIC_N = 100e3
 CURVE = SpeedCurve(

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from weld_force_ros.core.curves import curve_features, sharp_angles, surface_features
 from weld_force_ros.errors import InputError
+from weld_force_ros.physics.analysis.speed_curve import curve_features, sharp_angles, surface_features
 
 
 def hollow_curve(speeds: np.ndarray) -> np.ndarray:

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from weld_force_ros.core.detection import APART_M, LEAST_M, RUNNING_M, SETTLED_M, THRESHOLD, detect
-from weld_force_ros.core.roughness import rail_roughness
-from weld_force_ros.core.shapes import cosine_dip
-from weld_force_ros.core.stream import KEPT_M, RailStream
 from weld_force_ros.errors import InputError
+from weld_force_ros.measurement.rail_stream import KEPT_M, RailStream
+from weld_force_ros.measurement.roughness import rail_roughness
+from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.measurement.weld_detection import APART_M, LEAST_M, RUNNING_M, SETTLED_M, THRESHOLD, detect
 
 from .detection_figures import cosine_welds, measured
 

@@ -3,10 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weld_force_ros.core.geometry import classify, quality_index
-from weld_force_ros.core.shapes import REFERENCE_SHAPES, STRAIGHTEDGE_LENGTH_M, cosine_dip
 from weld_force_ros.errors import InputError
-from weld_force_ros.profiles import find, read_profile
+from weld_force_ros.measurement.profile_file import find, read_profile
+from weld_force_ros.measurement.shapes import REFERENCE_SHAPES, STRAIGHTEDGE_LENGTH_M, cosine_dip
+from weld_force_ros.physics.analysis.geometry import classify, quality_index
 
 PAPER = {
     "weld-1-dip": "dip",

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from weld_force_ros.core.grinding import Grinder, Profile, Removal, closed, least_removal, splines
-from weld_force_ros.core.shapes import cosine_dip
+from weld_force_ros.assessment.grinding_search import Grinder, Profile, Removal, closed, least_removal, splines
 from weld_force_ros.errors import InputError
+from weld_force_ros.measurement.shapes import cosine_dip
 
 X = np.linspace(-0.3, 0.3, 301)
 GRINDER = Grinder(reach_m=0.1)

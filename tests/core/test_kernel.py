@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from weld_force_ros.core._kernel import contact_force
-from weld_force_ros.core.propagation import first_order_hold
+from weld_force_ros.physics.passage._kernel import contact_force
+from weld_force_ros.physics.passage.state_space import first_order_hold
 
 
 def powers_of_ten(least: float, most: float) -> st.SearchStrategy[float]:
@@ -51,9 +51,9 @@ PASSAGES = """
 import json, sys
 import numpy as np
 from weld_force_ros import fits, tracks
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.shapes import cosine_dip
-from weld_force_ros.core.weld import wheel_trajectory
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.physics.passage.wheel_path import wheel_trajectory
 definition = tracks.load("bilbao")
 rig = Rig(fits.fitted(definition).model(), definition.wheel)
 x = np.linspace(-0.05, 0.05, 201)

@@ -11,18 +11,18 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from weld_force_ros import fits, tracks
-from weld_force_ros.core import batch
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.shapes import cosine_dip
-from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.weld import Trajectory, wheel_trajectory
 from weld_force_ros.errors import NumericalError
+from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.physics.passage import batch
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.wheel_path import Trajectory, wheel_trajectory
+from weld_force_ros.simulation import fit_store, track_file
 
 
 def rig(name: str) -> Rig:
-    definition = tracks.load(name)
-    return Rig(fits.fitted(definition).model(), definition.wheel)
+    definition = track_file.load(name)
+    return Rig(fit_store.fitted(definition).model(), definition.wheel)
 
 
 def altered(known: Rig, softness: float, pitch: float, spacing_m: float) -> Rig:
@@ -97,8 +97,8 @@ def test_results_do_not_depend_on_company_order_or_threads():
     whole = columns(rig("bilbao").surface(shape, speeds, positions))
     backwards = columns(rig("bilbao").surface(shape, speeds[::-1], positions[::-1]))
     alone = columns(rig("bilbao").surface(shape, speeds[3:4], positions[2:3]))
-    definition = tracks.load("bilbao")
-    alone_rig = Rig(fits.fitted(definition).model(), definition.wheel, threads=1)
+    definition = track_file.load("bilbao")
+    alone_rig = Rig(fit_store.fitted(definition).model(), definition.wheel, threads=1)
     one_thread = columns(alone_rig.surface(shape, speeds, positions))
     for a, b, c, d in zip(whole, backwards, alone, one_thread, strict=True):
         np.testing.assert_array_equal(a, b[::-1, ::-1])
@@ -116,7 +116,9 @@ def test_a_rig_remembers_its_tables_and_gives_the_same_again():
 @pytest.mark.parametrize("processes", [2])
 def test_processes_that_compile_at_once_agree(tmp_path, processes):
     code = (
-        "from weld_force_ros.assess import *; from weld_force_ros.profiles import find, read_profile;"
+        "from weld_force_ros.simulation.settings import simulation_settings;"
+        "from weld_force_ros.simulation.simulator import Simulator;"
+        "from weld_force_ros.measurement.profile_file import find, read_profile;"
         "s = Simulator(simulation_settings(speeds_kmh=[80], positions=[0.1]));"
         "print(s.force_map(read_profile(find('weld-1-dip'))).peak_force_n)"
     )

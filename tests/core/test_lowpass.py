@@ -6,17 +6,17 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
-from weld_force_ros import fits
-from weld_force_ros.core import batch
-from weld_force_ros.core.lowpass import BETWEEN_RESONANCES_HZ, CUTOFFS_HZ, low_pass, low_passed
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.peaks import p1_p2
-from weld_force_ros.core.reference import GreenRig
-from weld_force_ros.core.rolling import Rolling
-from weld_force_ros.core.shapes import cosine_dip
-from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.weld import RESAMPLED_STEP_M, Trajectory, wheel_trajectory
 from weld_force_ros.errors import NumericalError
+from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.physics.analysis.peaks import p1_p2
+from weld_force_ros.physics.engines.greens_function import GreenRig
+from weld_force_ros.physics.passage import batch
+from weld_force_ros.physics.passage.lowpass import BETWEEN_RESONANCES_HZ, CUTOFFS_HZ, low_pass, low_passed
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.steady_state import Rolling
+from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, Trajectory, wheel_trajectory
+from weld_force_ros.simulation import fit_store
 
 SETTLING_S = 0.4
 AFTER_S = 0.2
@@ -53,7 +53,7 @@ def through(surface: Surface) -> np.ndarray:
 def rational(definitions) -> Rig:
     """The `rfp` engine."""
     definition = definitions["johansson-nielsen"]
-    return Rig(fits.fitted(definition, "rfp").model(), definition.wheel)
+    return Rig(fit_store.fitted(definition, "rfp").model(), definition.wheel)
 
 
 @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])

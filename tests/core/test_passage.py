@@ -4,13 +4,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from weld_force_ros.core import rolling
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.surface import TOLERANCE
-from weld_force_ros.core.track import receptance
-from weld_force_ros.core.weld import Trajectory
 from weld_force_ros.errors import InputError, NumericalError
-from weld_force_ros.tracks import TrackDefinition
+from weld_force_ros.physics.passage import steady_state
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.passage.peak_map import TOLERANCE
+from weld_force_ros.physics.passage.wheel_path import Trajectory
+from weld_force_ros.physics.track.beam import receptance
+from weld_force_ros.simulation.track_file import TrackDefinition
 
 from .oracles import integrated_passage
 
@@ -59,9 +59,9 @@ def stepped(rigs: dict[str, Rig], monkeypatch: pytest.MonkeyPatch) -> Iterator[C
     """A rig whose every step is as long as asked for."""
 
     def rig(step_m: float) -> Rig:
-        monkeypatch.setattr(rolling, "GRID_M", step_m)
-        monkeypatch.setattr(rolling, "LONGEST_STEP_M", step_m)
-        monkeypatch.setattr(rolling, "LONGEST_STEP_S", 1.0)
+        monkeypatch.setattr(steady_state, "GRID_M", step_m)
+        monkeypatch.setattr(steady_state, "LONGEST_STEP_M", step_m)
+        monkeypatch.setattr(steady_state, "LONGEST_STEP_S", 1.0)
         return Rig(rigs["johansson-nielsen"].model, rigs["johansson-nielsen"].wheel)
 
     return rig

@@ -1,8 +1,17 @@
 import numpy as np
 import pytest
 
-from weld_force_ros.core.peaks import Branch, Peak, followed, hand_overs, jenkins_p1, jenkins_p2, local_peaks, p1_p2
 from weld_force_ros.errors import InputError
+from weld_force_ros.physics.analysis.peaks import (
+    Branch,
+    Peak,
+    followed,
+    hand_overs,
+    jenkins_p1,
+    jenkins_p2,
+    local_peaks,
+    p1_p2,
+)
 
 STATIC_N = 100e3
 

@@ -3,12 +3,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from weld_force_ros import fits, tracks
-from weld_force_ros.core.poles import PoleModel, common_poles, default_fit, fit_frequencies, fit_track, relative_error
-from weld_force_ros.core.track import Rail, Spring, Track, receptance, static_compliance
-from weld_force_ros.tracks import TrackDefinition
+from weld_force_ros.physics.engines.common_poles import (
+    PoleModel,
+    common_poles,
+    default_fit,
+    fit_frequencies,
+    fit_track,
+    relative_error,
+)
+from weld_force_ros.physics.track.beam import Rail, Spring, Track, receptance, static_compliance
+from weld_force_ros.simulation import fit_store, track_file
+from weld_force_ros.simulation.track_file import TrackDefinition
 
-every_track = pytest.mark.parametrize("name", tracks.shipped())
+every_track = pytest.mark.parametrize("name", track_file.shipped())
 
 
 @st.composite
@@ -61,8 +68,8 @@ def test_shipped_fit_belongs_to_the_shipped_track_and_comes_out_again(
     name: str, definitions: dict[str, TrackDefinition]
 ):
     definition = definitions[name]
-    shipped = fits.fitted(definition)
-    assert shipped.key == fits.key_of(definition)
+    shipped = fit_store.fitted(definition)
+    assert shipped.key == fit_store.key_of(definition)
     fresh = fit_track(definition.track, definition.wheel.compliance, shipped.order)
     frequency, at = np.geomspace(5.0, 2500.0, 80), np.linspace(0.0, definition.track.spacing_m, 9)
     np.testing.assert_allclose(fresh.receptance(frequency, at), shipped.model().receptance(frequency, at), rtol=1e-4)
@@ -73,7 +80,7 @@ def test_shipped_fit_belongs_to_the_shipped_track_and_comes_out_again(
 
 @every_track
 def test_shipped_fit_is_stable_and_settles_at_the_exact_deflection(name: str, definitions: dict[str, TrackDefinition]):
-    model, track = fits.fitted(definitions[name]).model(), definitions[name].track
+    model, track = fit_store.fitted(definitions[name]).model(), definitions[name].track
     assert np.all(model.poles_rad_s.real < 0)
     at = np.linspace(0.0, track.spacing_m, 101)
     np.testing.assert_allclose(model.static_compliance(at), static_compliance(track, at), rtol=1e-3)
@@ -82,7 +89,7 @@ def test_shipped_fit_is_stable_and_settles_at_the_exact_deflection(name: str, de
 @pytest.mark.parametrize("name", ["johansson-nielsen", "bilbao-viscous"])
 def test_shipped_fit_of_a_causal_track_is_within_half_a_percent(name: str, definitions: dict[str, TrackDefinition]):
     definition = definitions[name]
-    model = fits.fitted(definition).model()
+    model = fit_store.fitted(definition).model()
     frequency, at = np.geomspace(5.0, 2500.0, 150), np.linspace(0.0, definition.track.spacing_m, 23)
     exact = receptance(definition.track, frequency, at)
     seen = exact + definition.wheel.compliance(2 * np.pi * frequency)
@@ -99,12 +106,12 @@ def test_default_order_is_the_lowest_where_more_poles_hardly_help(definitions: d
         relative_error(fit, definition.track, compliance)
         for fit in (default_fit(definition.track, compliance), fit_track(definition.track, compliance, 10))
     )
-    assert default_fit(definition.track, compliance).order == fits.fitted(definition).order == 8
+    assert default_fit(definition.track, compliance).order == fit_store.fitted(definition).order == 8
     assert more > 0.75 * chosen > 0.75 * 0.005
 
 
 def test_model_is_the_transform_of_a_real_impulse_response(definitions: dict[str, TrackDefinition]):
-    model = fits.fitted(definitions["johansson-nielsen"]).model()
+    model = fit_store.fitted(definitions["johansson-nielsen"]).model()
     t = np.arange(0.0, 0.5, 5e-6)
     impulse = model.pair_weight * model.residues[3] @ np.exp(np.outer(model.poles_rad_s, t))
     for frequency in (20.0, 110.0, 300.0):
@@ -118,7 +125,7 @@ def test_model_is_the_transform_of_a_real_impulse_response(definitions: dict[str
 def test_residues_pass_through_the_sections_and_close_smoothly_round_the_span(
     definitions: dict[str, TrackDefinition],
 ):
-    model = fits.fitted(definitions["johansson-nielsen"]).model()
+    model = fit_store.fitted(definitions["johansson-nielsen"]).model()
     span = model.spacing_m
     np.testing.assert_allclose(model.residues_at(model.section_m + 3 * span), model.residues, rtol=1e-9, atol=1e-18)
     before, at, after = model.residues_at([-1e-6, 0.0, 1e-6])

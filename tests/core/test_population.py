@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, kstest
 
-from weld_force_ros.core.population import (
+from weld_force_ros.errors import InputError
+from weld_force_ros.measurement.synthetic_welds import (
     AS_WELDED,
     GROUND_SMOOTH,
     MAKING_SHARES,
@@ -16,7 +17,6 @@ from weld_force_ros.core.population import (
     population,
     without_short_waves,
 )
-from weld_force_ros.errors import InputError
 from weld_force_ros.messages import WeldProfile, decode, encode, profile_sha256
 
 UNLIKELY = 1e-4  # a sample less probable than that is not from the stated distribution

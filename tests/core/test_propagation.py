@@ -5,12 +5,12 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import lsim, lti
 
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.poles import PoleModel
-from weld_force_ros.core.propagation import Propagation, dense_propagation, exponentials
-from weld_force_ros.core.shapes import cosine_dip
-from weld_force_ros.core.weld import wheel_trajectory
-from weld_force_ros.core.wheel import Wheel
+from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.physics.engines.common_poles import PoleModel
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.passage.state_space import Propagation, dense_propagation, exponentials
+from weld_force_ros.physics.passage.wheel import Wheel
+from weld_force_ros.physics.passage.wheel_path import wheel_trajectory
 
 POLES = np.array([-300.0 + 1900.0j, -1500.0 + 5200.0j])
 RESIDUES = np.array([-3.0e-6j, -1.0e-6j])

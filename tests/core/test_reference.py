@@ -5,14 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from weld_force_ros import fits, tracks
-from weld_force_ros.core import reference
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.poles import PoleModel
-from weld_force_ros.core.reference import GreenRig
-from weld_force_ros.core.shapes import cosine_dip
-from weld_force_ros.core.weld import Trajectory, wheel_trajectory
-from weld_force_ros.core.wheel import Wheel
+from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.physics.engines import greens_function
+from weld_force_ros.physics.engines.common_poles import PoleModel
+from weld_force_ros.physics.engines.greens_function import GreenRig
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.passage.wheel import Wheel
+from weld_force_ros.physics.passage.wheel_path import Trajectory, wheel_trajectory
+from weld_force_ros.simulation import fit_store, track_file
 
 SMOOTH = Trajectory(0.0, np.zeros(9))
 
@@ -26,7 +26,7 @@ SHAPES = [cosine(0.1, 0.9e-3), cosine(0.048, 40e-6), cosine(1.0, 0.2e-3)]
 
 
 def peaks(name: str) -> np.ndarray:
-    definition = tracks.load(name)
+    definition = track_file.load(name)
     surfaces = GreenRig(definition.track, definition.wheel).surfaces(SHAPES, [240.0], [0.05])
     return np.array([surface.peak_force_n for surface in surfaces])
 
@@ -40,21 +40,21 @@ def converged() -> np.ndarray:
     ("constant", "factor"), [("STEP_M", 0.5), ("NODE_M", 0.5), ("BAND_HZ", 1.5), ("MEMORY_S", 1.5), ("LEAD_IN_S", 1.5)]
 )
 def test_refining_changes_no_peak_by_more_than_three_tenths_of_a_per_cent(monkeypatch, converged, constant, factor):
-    monkeypatch.setattr(reference, constant, factor * getattr(reference, constant))
+    monkeypatch.setattr(greens_function, constant, factor * getattr(greens_function, constant))
     np.testing.assert_allclose(peaks("johansson-nielsen"), converged, rtol=3e-3)
 
 
 def test_halving_the_time_step_at_low_speed_changes_no_peak_by_more_than_three_tenths_of_a_per_cent(monkeypatch):
-    definition = tracks.load("johansson-nielsen")
+    definition = track_file.load("johansson-nielsen")
     rig = GreenRig(definition.track, definition.wheel)
     coarse = rig.surface(SHAPES[0], [60.0], [0.3]).peak_force_n
-    monkeypatch.setattr(reference, "STEP_S", reference.STEP_S / 2)
+    monkeypatch.setattr(greens_function, "STEP_S", greens_function.STEP_S / 2)
     np.testing.assert_allclose(rig.surface(SHAPES[0], [60.0], [0.3]).peak_force_n, coarse, rtol=3e-3)
 
 
 def test_a_slow_wheel_on_continuous_support_rests_in_the_winkler_hollow():
     """Closed form: an undamped constant load far below the critical speed deflects the rail as at rest."""
-    definition = tracks.load("bilbao-continuous")
+    definition = track_file.load("bilbao-continuous")
     history = GreenRig(definition.track, definition.wheel).history(SMOOTH, 60.0, 0.0)
     rail, load = definition.track.rail, definition.wheel.static_load_n
     pad, ballast = definition.track.pad.stiffness_n_per_m, definition.track.ballast.stiffness_n_per_m
@@ -88,9 +88,9 @@ def test_both_engines_agree_on_a_track_that_is_exactly_rational(monkeypatch):
             shape=lambda x: np.ones((2, len(x), len(h)), complex),
         )
 
-    monkeypatch.setattr(reference.tracks, "waves", waves)
-    monkeypatch.setattr(reference.tracks, "velocity_jump", lambda rail: 0.0)
-    track = tracks.load("bilbao-continuous").track
+    monkeypatch.setattr(greens_function.tracks, "waves", waves)
+    monkeypatch.setattr(greens_function.tracks, "velocity_jump", lambda rail: 0.0)
+    track = track_file.load("bilbao-continuous").track
     monkeypatch.setattr(type(track), "causal", True)
     wheel = Wheel(600.0, 1e5, 0.45, 93.7e9)
     model = PoleModel(poles, residues, np.zeros(1), track.spacing_m)
@@ -101,7 +101,7 @@ def test_both_engines_agree_on_a_track_that_is_exactly_rational(monkeypatch):
 
 
 def test_common_poles_follow_the_reference_on_a_causal_track(converged):
-    definition = tracks.load("johansson-nielsen")
-    rig = Rig(fits.fitted(definition).model(), definition.wheel)
+    definition = track_file.load("johansson-nielsen")
+    rig = Rig(fit_store.fitted(definition).model(), definition.wheel)
     fitted = np.array([rig.surface(shape, [240.0], [0.05]).peak_force_n for shape in SHAPES])
     np.testing.assert_allclose(fitted, converged, rtol=1.2e-2)

@@ -8,13 +8,14 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from weld_force_ros.core import poles, track
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.poles import PoleModel, fit_frequencies
-from weld_force_ros.core.rfp import RfpModel, fit_sections, smooth_rail
-from weld_force_ros.core.rfp_weights import GENES, FitTask, Front, Population, Progress, search
 from weld_force_ros.errors import InputError
-from weld_force_ros.tracks import TrackDefinition
+from weld_force_ros.physics.engines import common_poles
+from weld_force_ros.physics.engines.common_poles import PoleModel, fit_frequencies
+from weld_force_ros.physics.engines.rational_fractions import RfpModel, fit_sections, smooth_rail
+from weld_force_ros.physics.engines.rational_search import GENES, FitTask, Front, Population, Progress, search
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.track import beam
+from weld_force_ros.simulation.track_file import TrackDefinition
 
 FREQUENCY = fit_frequencies()
 
@@ -248,7 +249,7 @@ def test_the_front_is_what_its_genes_give(found: Front, viscous: FitTask, defini
     for i in (0, found.knee, len(found.error) - 1):
         model = viscous.fit_at(found.genes[i])
         assert model.variation == pytest.approx(found.variation[i], rel=1e-9)
-        assert poles.relative_error(model, definition.track, definition.wheel.compliance) == pytest.approx(
+        assert common_poles.relative_error(model, definition.track, definition.wheel.compliance) == pytest.approx(
             found.error[i], rel=1e-9
         )
 
@@ -271,9 +272,9 @@ def test_the_chosen_fit_is_symmetric_stable_and_rests_at_the_exact_deflection(
     at = np.linspace(0.0, exact.spacing_m, 121)
     assert np.all(model.poles(at).real < 0)
     np.testing.assert_allclose(
-        model.static_compliance(model.section_m), track.static_compliance(exact, model.section_m), rtol=1e-9
+        model.static_compliance(model.section_m), beam.static_compliance(exact, model.section_m), rtol=1e-9
     )
-    np.testing.assert_allclose(model.static_compliance(at), track.static_compliance(exact, at), rtol=5e-3)
+    np.testing.assert_allclose(model.static_compliance(at), beam.static_compliance(exact, at), rtol=5e-3)
     frequency = np.geomspace(5.0, 2500.0, 50)
     np.testing.assert_allclose(model.receptance(frequency, at), model.receptance(frequency, -at), rtol=1e-9)
     assert np.all(smooth_rail(model, 593.0, 1.3e9, np.arange(10.0, 301.0, 29.0), steps_per_section=16).growth < 1)

@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import butter, sosfilt
 from scipy.stats import kurtosis
 
-from weld_force_ros.core.roughness import CONTINUED_DB, LIMIT_DB, rail_roughness
 from weld_force_ros.errors import InputError
+from weld_force_ros.measurement.roughness import CONTINUED_DB, LIMIT_DB, rail_roughness
 
 STEP_M = 1e-3
 

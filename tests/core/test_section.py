@@ -7,11 +7,11 @@ import pytest
 from scipy.special import jv
 from skfem import MeshQuad1, MeshQuad2
 
-from weld_force_ros import sections
-from weld_force_ros.core.outline import outline
-from weld_force_ros.core.section import Mesh, part_heights, rail_mesh
-from weld_force_ros.core.strip import REFINE, FreeRail, Steel
 from weld_force_ros.errors import InputError, TrackError
+from weld_force_ros.physics.track.cross_section import Mesh, part_heights, rail_mesh
+from weld_force_ros.physics.track.outline import outline
+from weld_force_ros.physics.track.waveguide_rail import REFINE, FreeRail, Steel
+from weld_force_ros.simulation import section_file
 
 STEEL = Steel(210e9, 81e9, 7850.0)
 LONGITUDINAL, SHEAR = np.sqrt((STEEL.lame_pa + 2 * 81e9) / 7850), np.sqrt(81e9 / 7850)
@@ -112,9 +112,12 @@ def test_bars_waves_at_low_frequency_are_the_textbooks():
     assert len(found) == 4
 
 
-@pytest.mark.parametrize("name", sections.shipped())
+@pytest.mark.parametrize("name", section_file.shipped())
 def test_section_is_the_standards(name):
-    found, standard = rail_mesh(outline(sections.load(name).dimensions), refine=REFINE), sections.load(name).standard
+    found, standard = (
+        rail_mesh(outline(section_file.load(name).dimensions), refine=REFINE),
+        section_file.load(name).standard,
+    )
     assert found.area_m2 * 1e4 == pytest.approx(standard.area_cm2, rel=3e-3)
     assert found.centroid_m * 1e3 == pytest.approx(standard.centroid_mm, rel=3e-3)
     assert found.second_moment_m4 * 1e8 == pytest.approx(standard.second_moment_cm4, rel=3e-3)
@@ -122,7 +125,7 @@ def test_section_is_the_standards(name):
 
 
 def test_worn_head_loses_what_was_worn():
-    dimensions = sections.load("60E1").dimensions
+    dimensions = section_file.load("60E1").dimensions
     new, worn = outline(dimensions), outline(dimensions, wear_m=3e-3)
     assert worn.points_m[0, 1] == pytest.approx(new.points_m[0, 1] - 3e-3)
     lost_m2 = new.area_m2 - worn.area_m2
@@ -132,7 +135,7 @@ def test_worn_head_loses_what_was_worn():
 
 
 def test_rigid_motion_costs_nothing_and_weighs_what_the_rail_weighs():
-    mesh = rail_mesh(outline(sections.load("60E1").dimensions), half=False)
+    mesh = rail_mesh(outline(section_file.load("60E1").dimensions), half=False)
     m = mesh.matrices(STEEL.lame_pa, STEEL.shear_modulus_pa)
     y, z = mesh.nodes
     lifted = np.concatenate([np.zeros_like(y), np.ones_like(y)])
@@ -155,7 +158,7 @@ def harmonic(mesh: Mesh, head: np.ndarray, k: float, frequency_hz: float) -> np.
 
 @pytest.mark.parametrize(("k", "frequency_hz"), [(3.0, 100.0), (12.0, 2500.0), (80.0, 4000.0)])
 def test_symmetric_section_moves_upwards_under_a_force_in_its_axis(k, frequency_hz):
-    shape = outline(sections.load("60E1").dimensions)
+    shape = outline(section_file.load("60E1").dimensions)
     head_m = part_heights(shape)[1]
     responses = []
     for half in (True, False):
@@ -187,7 +190,7 @@ def test_bad_section_file_is_refused_with_one_line(old, new, said):
     text = (resources.files("weld_force_ros.data") / "sections" / "60E1.yaml").read_text(encoding="utf-8")
     assert old in text
     with pytest.raises(TrackError, match=said) as caught:
-        sections.parse(text.replace(old, new, 1).encode(), "mine")
+        section_file.parse(text.replace(old, new, 1).encode(), "mine")
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith("rail section mine:")
 
@@ -195,7 +198,7 @@ def test_bad_section_file_is_refused_with_one_line(old, new, said):
 @pytest.mark.parametrize("change", [{"web_m": 0.2}, {"foot_top": (0.2, 2.75)}, {"fishing": (0.02, 2.75)}])
 def test_dimensions_that_make_no_section_are_refused(change):
     with pytest.raises(InputError, match="crosses itself"):
-        outline(replace(sections.load("60E1").dimensions, **change))
+        outline(replace(section_file.load("60E1").dimensions, **change))
 
 
 @pytest.mark.parametrize(
@@ -205,9 +208,9 @@ def test_dimensions_that_make_no_section_are_refused(change):
         {"crown": ((0.3, 0.02), (0.08, 0.01), (0.013, None))},
         {"crown": ((0.3, 0.01), (0.08, None), (0.013, None))},
         {"crown": ((0.3, 0.01), (0.013, 0.036))},
-        {"fillets": (((0.003, 0.5),), *sections.load("60E1").dimensions.fillets[1:])},
+        {"fillets": (((0.003, 0.5),), *section_file.load("60E1").dimensions.fillets[1:])},
     ],
 )
 def test_arcs_that_lead_nowhere_are_refused(change):
     with pytest.raises(InputError, match=r"crown|fillet"):
-        outline(replace(sections.load("60E1").dimensions, **change))
+        outline(replace(section_file.load("60E1").dimensions, **change))

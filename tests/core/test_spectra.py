@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from weld_force_ros.core.spectra import (
+from weld_force_ros.errors import InputError
+from weld_force_ros.physics.analysis.spectra import (
     amplitude_spectrum,
     bands,
     phase_at_peak,
@@ -9,9 +10,8 @@ from weld_force_ros.core.spectra import (
     spectral_peaks,
     wheelset_track_receptance,
 )
-from weld_force_ros.core.track import receptance
-from weld_force_ros.errors import InputError
-from weld_force_ros.tracks import TrackDefinition
+from weld_force_ros.physics.track.beam import receptance
+from weld_force_ros.simulation.track_file import TrackDefinition
 
 SPEED_KMH = 90.0  # 25 m/s: 100 Hz are 0.25 m
 

@@ -7,15 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from weld_force_ros.core.stream import (
-    KEPT_M,
-    LARGEST_GAP_M,
-    STEP_M,
-    Missing,
-    RailStream,
-    Window,
-)
 from weld_force_ros.errors import InputError
+from weld_force_ros.measurement.rail_stream import KEPT_M, LARGEST_GAP_M, STEP_M, Missing, RailStream, Window
 
 Samples = list[tuple[float, float]]
 FINE = settings(max_examples=60, deadline=None)

@@ -7,10 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from weld_force_ros import sections, tracks
-from weld_force_ros.core import strip
-from weld_force_ros.core.supported import SupportedWaves
-from weld_force_ros.core.track import (
+from weld_force_ros.physics.track import waveguide_rail
+from weld_force_ros.physics.track.beam import (
     StripRail,
     Track,
     free_decay,
@@ -18,8 +16,10 @@ from weld_force_ros.core.track import (
     static_compliance,
     transfer_receptance,
 )
+from weld_force_ros.physics.track.supported_rail import SupportedWaves
+from weld_force_ros.simulation import section_file, track_file
 
-SECTION = sections.load("60E1").dimensions
+SECTION = section_file.load("60E1").dimensions
 
 
 def with_strips(track: Track, pad_width_m: float = 0.0, wear_m: float = 0.0) -> Track:
@@ -28,11 +28,11 @@ def with_strips(track: Track, pad_width_m: float = 0.0, wear_m: float = 0.0) -> 
 
 @pytest.fixture(scope="module")
 def bilbao():
-    return tracks.load("bilbao").track
+    return track_file.load("bilbao").track
 
 
-def free_rail(track: Track, refine: int = strip.REFINE) -> strip.FreeRail:
-    return strip.rail(SECTION, 0.0, track.rail.steel, refine)
+def free_rail(track: Track, refine: int = waveguide_rail.REFINE) -> waveguide_rail.FreeRail:
+    return waveguide_rail.rail(SECTION, 0.0, track.rail.steel, refine)
 
 
 def test_bending_wave_is_the_beams_at_low_frequency(bilbao):
@@ -60,7 +60,9 @@ def by_mesh(track: Track, frequency_hz: np.ndarray, at_m: np.ndarray, refine: in
 
 def test_result_does_not_depend_on_the_mesh(bilbao):
     track, frequency, at = with_strips(bilbao), np.linspace(50.0, 3000.0, 25), np.array([0.0, 0.15, 0.3])
-    coarse, fine = (by_mesh(track, frequency, at, refine) for refine in (strip.REFINE, 3 * strip.REFINE // 2))
+    coarse, fine = (
+        by_mesh(track, frequency, at, refine) for refine in (waveguide_rail.REFINE, 3 * waveguide_rail.REFINE // 2)
+    )
     np.testing.assert_array_equal(coarse, receptance(track, frequency, at))
     assert np.abs(coarse / fine - 1).max() < 0.01
 
@@ -102,7 +104,7 @@ def test_floquet_waves_are_many_supports_solved_together(bilbao, pad_width_m):
     width=st.sampled_from([0.0, 0.15]),
 )  # fmt: skip
 def test_track_is_reciprocal_mirrored_and_takes_energy(frequency, at, force_at, width):
-    track = with_strips(tracks.load("bilbao").track, width)
+    track = with_strips(track_file.load("bilbao").track, width)
     there, back, mirrored, on = (
         transfer_receptance(track, frequency, x, x0)[0, 0]
         for x, x0 in ((at, force_at), (force_at, at), (-at, -force_at), (at, at))
@@ -114,7 +116,7 @@ def test_track_is_reciprocal_mirrored_and_takes_energy(frequency, at, force_at, 
 
 
 def test_continuous_support_is_the_beams_at_low_frequency():
-    track = tracks.load("bilbao-continuous").track
+    track = track_file.load("bilbao-continuous").track
     frequency = np.linspace(10.0, 500.0, 50)
     beam, strips = receptance(track, frequency, 0.0), receptance(with_strips(track), frequency, 0.0)
     assert np.abs(strips / beam - 1).max() < 0.05
@@ -131,8 +133,8 @@ def test_a_wide_pad_resists_rotation(bilbao):
 
 
 def test_track_file_chooses_the_rail():
-    text = tracks.load("bilbao").text
-    strips = tracks.parse(text.replace("  section: 60E1", "  model: finite-strip\n  section: 60E1", 1), "mine")
+    text = track_file.load("bilbao").text
+    strips = track_file.parse(text.replace("  section: 60E1", "  model: finite-strip\n  section: 60E1", 1), "mine")
     assert isinstance(strips.track.rail, StripRail)
     assert strips.track.rail.section == SECTION
     bare = text.replace("  section: 60E1", "  section: 60E1\n  model: finite-strip")
@@ -141,7 +143,7 @@ def test_track_file_chooses_the_rail():
         for line in bare.splitlines()
         if not line.strip().startswith(("mass_kg_per_m", "area_cm2", "second_moment"))
     ]
-    assert tracks.parse("\n".join(lines), "short").track.rail == strips.track.rail
+    assert track_file.parse("\n".join(lines), "short").track.rail == strips.track.rail
 
 
 @pytest.mark.parametrize(
@@ -157,8 +159,8 @@ def test_track_file_chooses_the_rail():
     ],
 )
 def test_rail_that_cannot_be_is_refused_with_one_line(old, new, said):
-    text = tracks.load("bilbao").text
+    text = track_file.load("bilbao").text
     assert old in text
-    with pytest.raises(tracks.TrackError, match=said) as caught:
-        tracks.parse(text.replace(old, new, 1), "mine.yaml")
+    with pytest.raises(track_file.TrackError, match=said) as caught:
+        track_file.parse(text.replace(old, new, 1), "mine.yaml")
     assert "\n" not in str(caught.value)

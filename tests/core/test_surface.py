@@ -6,18 +6,18 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
-from weld_force_ros import fits, tracks
-from weld_force_ros.core import _kernel, batch, rolling
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.shapes import cosine_dip
-from weld_force_ros.core.surface import TOLERANCE
-from weld_force_ros.core.weld import Trajectory, wheel_trajectory
 from weld_force_ros.errors import InputError
+from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.physics.passage import _kernel, batch, steady_state
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.passage.peak_map import TOLERANCE
+from weld_force_ros.physics.passage.wheel_path import Trajectory, wheel_trajectory
+from weld_force_ros.simulation import fit_store, track_file
 
 
 def rig(name: str, threads: int | None = None) -> Rig:
-    definition = tracks.load(name)
-    return Rig(fits.fitted(definition).model(), definition.wheel, threads=threads)
+    definition = track_file.load(name)
+    return Rig(fit_store.fitted(definition).model(), definition.wheel, threads=threads)
 
 
 def cosine(length_m: float, depth_m: float) -> Trajectory:
@@ -39,7 +39,7 @@ def test_peaks_are_those_of_the_shortest_steps_and_a_long_run_out(
     shape = cosine(length_m, depth_um * 1e-6)
     found = rig(name).surface(shape, [speed_kmh], [position_m])
     with monkeypatch.context() as patient:
-        patient.setattr(rolling, "LONGEST_STEP_M", rolling.GRID_M)
+        patient.setattr(steady_state, "LONGEST_STEP_M", steady_state.GRID_M)
         patient.setattr(batch, "ECHO_S", 0.5)
         patient.setattr(batch, "RUN_OUT_S", 0.5)
         exact = rig(name).surface(shape, [speed_kmh], [position_m])
@@ -56,7 +56,7 @@ def test_a_sharp_shape_is_rolled_in_shorter_steps_than_a_smooth_one(monkeypatch)
         strides.append(stride)
         return made(roller, speeds_kmh, stride, pool)
 
-    monkeypatch.setattr("weld_force_ros.core.surface.make_batch", noted)
+    monkeypatch.setattr("weld_force_ros.physics.passage.peak_map.make_batch", noted)
     rig("bilbao").surface(cosine(0.6, 0.2e-3), [100.0], [0.1])
     assert strides == [8]
     strides.clear()

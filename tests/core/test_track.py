@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weld_force_ros import tracks
-from weld_force_ros.core.track import (
+from weld_force_ros.physics.track.beam import (
     Spring,
     Track,
     pinned_pinned_hz,
@@ -15,12 +14,13 @@ from weld_force_ros.core.track import (
     static_compliance,
     transfer_receptance,
 )
+from weld_force_ros.simulation import track_file
 
 from .oracles import chain_receptance, free_euler_beam_receptance, winkler_stiffness
 
-BILBAO = tracks.load("bilbao").track
-CONTINUOUS = tracks.load("bilbao-continuous").track
-NIELSEN = tracks.load("johansson-nielsen").track
+BILBAO = track_file.load("bilbao").track
+CONTINUOUS = track_file.load("bilbao-continuous").track
+NIELSEN = track_file.load("johansson-nielsen").track
 EULER_RAIL = replace(BILBAO.rail, shear_modulus_pa=BILBAO.rail.shear_modulus_pa * 1e6, loss_factor=0.0)
 
 frequencies = st.floats(5.0, 3000.0)

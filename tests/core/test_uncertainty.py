@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from weld_force_ros.assess import load_uncertainty
-from weld_force_ros.core.uncertainty import CONTACT, PLACE, RADIUS, REST, SUPPORT, draw, influences, noisy
+from weld_force_ros.assessment.probability import CONTACT, PLACE, RADIUS, REST, SUPPORT, influences
 from weld_force_ros.messages import Spread, Uncertainty
+from weld_force_ros.simulation.settings import load_uncertainty
+from weld_force_ros.simulation.uncertainty import draw, noisy
 
 
 def unknown(samples: int = 400, **changes) -> Uncertainty:

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import UNSET, UnsetType
 
-from weld_force_ros.core.verdict import find
+from weld_force_ros.assessment.verdict import find
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import ForceMap, Limit, ProfileMeasures, Rules, Spread
 

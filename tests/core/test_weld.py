@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weld_force_ros.core.shapes import cosine_dip
-from weld_force_ros.core.weld import RESAMPLED_STEP_M, Trajectory, rolled_over, wheel_trajectory
+from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, Trajectory, rolled_over, wheel_trajectory
 
 from .oracles import brute_force_trajectory
 

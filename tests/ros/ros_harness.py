@@ -91,13 +91,15 @@ class QuickSimulator:
             elapsed_s=0.0,
         )
 
-    def worst_history(self, profile: WeldProfile, force_map: ForceMap) -> ForceHistory:
+    def force_history(
+        self, profile: WeldProfile, speed_kmh: float, position_m: float, *, until_m: float = 0.0
+    ) -> ForceHistory:
         return ForceHistory(
             weld_id=profile.weld_id,
             profile_sha256=profile.profile_sha256,
             config_sha256=self.settings.config_sha256,
-            speed_kmh=force_map.speeds_kmh[-1],
-            position_m=force_map.positions_m[-1],
+            speed_kmh=speed_kmh,
+            position_m=position_m,
             x_m=[0.0, 1.0],
             force_n=[50e3, 50e3],
             wheel_m=[0.0, 0.0],

@@ -17,8 +17,8 @@ from std_msgs.msg import String
 from weld_force_ros import replay
 from weld_force_ros.bag import open_bag
 from weld_force_ros.errors import BagError
+from weld_force_ros.measurement.profile_file import parse_profile
 from weld_force_ros.messages import ForceMap, Inquiry, Rejection, Settled, Verdict, WeldProfile, decode, encode
-from weld_force_ros.profiles import parse_profile
 from weld_force_ros.ros import messenger, qos
 from weld_force_ros.ros.health import Health
 from weld_force_ros.ros.run import KINDS, Kind, Suite

@@ -15,6 +15,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from weld_force_ros.errors import InputError, TrackError
+from weld_force_ros.measurement.profile_file import parse_profile
 from weld_force_ros.messages import (
     SCHEMA_VERSION,
     TOPICS,
@@ -28,7 +29,6 @@ from weld_force_ros.messages import (
     decode,
     encode,
 )
-from weld_force_ros.profiles import parse_profile
 from weld_force_ros.ros import qos
 from weld_force_ros.ros.run import KINDS, Kind, Suite
 

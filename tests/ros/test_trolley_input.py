@@ -23,8 +23,8 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from weld_force_ros.errors import MessageError
+from weld_force_ros.measurement.profile_file import read_profile
 from weld_force_ros.messages import MAX_SAMPLES, RailSurface, Rejection, WeldMarker, decode, encode
-from weld_force_ros.profiles import read_profile
 from weld_force_ros.ros import points, qos
 from weld_force_ros.ros.managed import ManagedNode
 from weld_force_ros.ros.messenger import Messenger

@@ -25,7 +25,8 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
-from weld_force_ros import assess, profiles
+from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.measurement import profile_file
 from weld_force_ros.messages import (
     TOPICS,
     AssessmentSettings,
@@ -42,6 +43,15 @@ from weld_force_ros.messages import (
 from weld_force_ros.report_page.printing import find_browser
 from weld_force_ros.ros import environment, qos
 from weld_force_ros.ros.demo import keep_to_itself
+from weld_force_ros.simulation import simulator
+from weld_force_ros.simulation.settings import (
+    DEFAULT_POSITIONS,
+    DEFAULT_SPEEDS,
+    load_uncertainty,
+    parse_positions,
+    parse_speeds,
+    simulation_settings,
+)
 
 # When each weld was first in the page, on the clock that this process has, too.
 WATCH = """
@@ -174,16 +184,16 @@ class _Weld:
     """The messages of one weld, sent under ever new names in the order of the nodes: the history comes last."""
 
     def __init__(self, samples: int) -> None:
-        settings = assess.simulation_settings(
+        settings = simulation_settings(
             track="bilbao",
             engine="common-poles",
-            speeds_kmh=assess.parse_speeds(assess.DEFAULT_SPEEDS),
-            positions=assess.parse_positions(assess.DEFAULT_POSITIONS),
-            uncertainty=assess.load_uncertainty(samples),
+            speeds_kmh=parse_speeds(DEFAULT_SPEEDS),
+            positions=parse_positions(DEFAULT_POSITIONS),
+            uncertainty=load_uncertainty(samples),
         )
-        limits = assess.load_limits()
-        self._profile = profiles.read_profile(profiles.find("weld-4-steep-ramp"))
-        assessed = assess.assess(self._profile, assess.Simulator(settings), limits)
+        limits = load_limits()
+        self._profile = profile_file.read_profile(profile_file.find("weld-4-steep-ramp"))
+        assessed = simulator(self._profile, simulator.Simulator(settings), limits)
         self.settings: list[Message] = [settings, limits]
         self._before, self._verdict, self._after = (
             [self._profile, assessed.force_map],

@@ -17,8 +17,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
-from weld_force_ros import profiles
 from weld_force_ros.bag import stored
+from weld_force_ros.measurement import profile_file
 from weld_force_ros.messages import TOPICS, Settled, Verdict, profile_sha256
 from weld_force_ros.ros import environment, qos
 from weld_force_ros.ros.demo import keep_to_itself
@@ -86,7 +86,7 @@ class Load:
         self.dropped = 0
         self._prepared = folder / "prepared.csv"
         self._bad_every = bad_every
-        self._dip = profiles.read_profile(profiles.find("weld-1-dip"))
+        self._dip = profile_file.read_profile(profile_file.find("weld-1-dip"))
 
     def drop(self) -> None:
         """One more file."""
@@ -97,7 +97,7 @@ class Load:
             heights_m = [height * (1 + 2e-5 * number) for height in self._dip.z_m]
             sha256 = profile_sha256(self._dip.x_m, heights_m)
             weld = msgspec.structs.replace(self._dip, weld_id=f"weld-{number}", z_m=heights_m, profile_sha256=sha256)
-            profiles.write_profile(weld, self._prepared)
+            profile_file.write_profile(weld, self._prepared)
         self._prepared.rename(self.folder / f"{number:06}.csv")
         self.dropped += 1
 

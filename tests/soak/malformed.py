@@ -38,9 +38,12 @@ import yaml
 from mcap.writer import CompressionType, Writer
 from msgspec import UNSET
 
-from weld_force_ros import assess, profiles, tracks
+from weld_force_ros.assessment.judge import Assessment, judge
+from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.bag import STRING, contract_messages, open_bag, string_cdr
 from weld_force_ros.errors import InputError, WeldForceError
+from weld_force_ros.measurement import profile_file
+from weld_force_ros.measurement.profile_file import PlainForm
 from weld_force_ros.messages import (
     TOPICS,
     AssessmentSettings,
@@ -59,8 +62,9 @@ from weld_force_ros.messages import (
     encode,
 )
 from weld_force_ros.node_parameters import default_config, read_config
-from weld_force_ros.profiles import PlainForm
 from weld_force_ros.ros.accounts import header_of
+from weld_force_ros.simulation import simulator, track_file
+from weld_force_ros.simulation.settings import simulation_settings
 
 from . import mutations
 from .mutations import Mutation, mutated
@@ -178,13 +182,13 @@ def _finite(text: str) -> float:
 
 
 @lru_cache
-def _simulator() -> assess.Simulator:
-    return assess.Simulator(assess.simulation_settings(speeds_kmh=[40.0, 160.0, 300.0], positions=2))
+def _simulator() -> simulator.Simulator:
+    return simulator.Simulator(simulation_settings(speeds_kmh=[40.0, 160.0, 300.0], positions=2))
 
 
 @lru_cache
 def _limits() -> AssessmentSettings:
-    return assess.load_limits()
+    return load_limits()
 
 
 @lru_cache
@@ -201,8 +205,8 @@ def _profile() -> WeldProfile:
 
 
 @lru_cache
-def _assessment() -> assess.Assessment:
-    return assess.assess(_profile(), _simulator(), _limits())
+def _assessment() -> Assessment:
+    return simulator(_profile(), _simulator(), _limits())
 
 
 def _messages(kind: type[Message]) -> list[Message]:
@@ -243,7 +247,7 @@ def _profile_files() -> list[bytes]:
     rows = "\n".join(f"{i * 5},{-100 * math.cos(i / 10):.1f}" for i in range(41))
     head = "# weld_id: KM12-L-004\n# x_unit: mm\n# z_unit: um\n# z_positive: up\n"
     more = "# rail: left\n# chainage_m: 12004.25\n# line_speed_kmh: 160\n# weld_position_m: 0.3\n# detrend: none\n"
-    shipped = profiles.shipped()["cosine-dip-48mm"].read_bytes()
+    shipped = profile_file.shipped()["cosine-dip-48mm"].read_bytes()
     return [f"{head}x,z\n{rows}\n".encode(), f"{head}{more}# centre: 100\n# free text\n{rows}\n".encode(), shipped]
 
 
@@ -270,12 +274,12 @@ def _plain_files() -> list[bytes]:
 
 
 def _track_files() -> list[bytes]:
-    return [tracks.load(name).text.encode() for name in tracks.shipped()]
+    return [track_file.load(name).text.encode() for name in track_file.shipped()]
 
 
 def _limit_files() -> list[bytes]:
     one = b"- {name: peak_force, limit: 200e+3, reject_limit: 350e+3, unit: N, source: s}\n"
-    return [Path(assess.__file__).with_name("data").joinpath("limits", "default.yaml").read_bytes(), one]
+    return [Path(simulator.__file__).with_name("data").joinpath("limits", "default.yaml").read_bytes(), one]
 
 
 def _node_parameters() -> list[bytes]:
@@ -342,16 +346,16 @@ def _use(message: Message, data: bytes) -> bool:
             case WeldProfile():
                 check_profile(message.x_m, message.z_m, message.profile_sha256)
                 if zlib.crc32(data) % ASSESSED_ONE_IN == 0:
-                    check_message(assess.assess(message, _simulator(), _limits()).verdict)
+                    check_message(simulator(message, _simulator(), _limits()).verdict)
                     return True
             case ForceMap():
-                check_message(assess.judge(message, _limits()))
+                check_message(judge(message, _limits()))
                 return True
             case AssessmentSettings():
-                check_message(assess.judge(_assessment().force_map, message))
+                check_message(judge(_assessment().force_map, message))
                 return True
             case SimulationSettings():
-                tracks.parse(message.track_definition, message.track)
+                track_file.parse(message.track_definition, message.track)
     except InputError as error:
         check_refusal(error)
     except WeldForceError:
@@ -363,7 +367,7 @@ def read_profile_file(form_of: Callable[[bytes], PlainForm | None], data: bytes)
     """As `profile_node` takes a file."""
     form = form_of(data)
     try:
-        profile = profiles.parse_profile(data, "measured.csv", form)
+        profile = profile_file.parse_profile(data, "measured.csv", form)
     except InputError as error:
         check_refusal(error)
         return Reading(_holds_rows(data), False)
@@ -393,12 +397,12 @@ def _no_form(_: bytes) -> None:
 
 def read_track(data: bytes) -> Reading:
     """As a user's own track file is read."""
-    return _read_file(data, "track.yaml", lambda path: tracks.load(str(path)))
+    return _read_file(data, "track.yaml", lambda path: track_file.load(str(path)))
 
 
 def read_limits(data: bytes) -> Reading:
     """As a user's own limits are read; what is accepted must give a verdict or be refused."""
-    return _read_file(data, "limits.yaml", lambda path: _use(assess.load_limits(path), data))
+    return _read_file(data, "limits.yaml", lambda path: _use(load_limits(path), data))
 
 
 def read_node_config(data: bytes) -> Reading:

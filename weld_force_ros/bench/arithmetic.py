@@ -5,10 +5,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from weld_force_ros.bench import study, timing
-from weld_force_ros.core import _kernel
-from weld_force_ros.core._vector import LANES, SPEEDS
-from weld_force_ros.core.batch import Approaches, make_batch
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.passage import _kernel
+from weld_force_ros.physics.passage._simd import LANES, SPEEDS
+from weld_force_ros.physics.passage.batch import Approaches, make_batch
 
 _STEPS = 1 << 14
 _PAIRS = 4

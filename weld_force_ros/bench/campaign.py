@@ -25,8 +25,9 @@ import msgspec
 import psutil  # type: ignore[import-untyped]
 import typer
 
-from weld_force_ros.assess import Simulator, parse_speeds, simulation_settings
 from weld_force_ros.campaign import definition, estimate, network, plan, profile_table, records, sources
+from weld_force_ros.simulation.settings import parse_speeds, simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
 
 _SPEEDS = "80:300:20"
 _POSITIONS = 5

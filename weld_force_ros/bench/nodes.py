@@ -13,11 +13,12 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from weld_force_ros import profiles, replay
-from weld_force_ros.assess import parse_speeds
+from weld_force_ros import replay
 from weld_force_ros.bench.study import POSITIONS, SPEEDS
 from weld_force_ros.errors import WeldForceError
+from weld_force_ros.measurement import profile_file
 from weld_force_ros.messages import Rejection, Verdict, profile_sha256
+from weld_force_ros.simulation.settings import parse_speeds
 
 _PASSAGES = len(parse_speeds(SPEEDS)) * POSITIONS
 _WELD = "weld-1-dip"
@@ -206,7 +207,7 @@ def _nodes(welds: int) -> Iterator[_Nodes]:
 def _weld_files(folder: Path, count: int) -> list[Path]:
     """Measurement files of distinct welds: the same dip, each a little deeper."""
     folder.mkdir()
-    dip = profiles.read_profile(profiles.find(_WELD))
+    dip = profile_file.read_profile(profile_file.find(_WELD))
     files = []
     for number in range(count):
         heights_m = [height * (1 + _DEEPER * number) for height in dip.z_m]
@@ -214,5 +215,5 @@ def _weld_files(folder: Path, count: int) -> list[Path]:
             dip, weld_id=f"weld-{number}", z_m=heights_m, profile_sha256=profile_sha256(dip.x_m, heights_m)
         )
         files.append(folder / f"{weld.weld_id}.csv")
-        profiles.write_profile(weld, files[-1])
+        profile_file.write_profile(weld, files[-1])
     return files

@@ -13,13 +13,13 @@ from scipy.integrate import solve_ivp
 
 from weld_force_ros.bench import study, timing
 from weld_force_ros.bench.study import Study
-from weld_force_ros.core import _kernel
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.poles import PoleModel
-from weld_force_ros.core.propagation import first_order_hold
-from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.weld import RESAMPLED_STEP_M, Trajectory
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.engines.common_poles import PoleModel
+from weld_force_ros.physics.passage import _kernel
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.state_space import first_order_hold
+from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, Trajectory
 
 SAMPLE = 28
 _SEED = 20180301

@@ -4,13 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from weld_force_ros import fits, profiles, tracks
-from weld_force_ros.assess import Simulator, parse_speeds, simulation_settings
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.poles import PoleModel
-from weld_force_ros.core.weld import Trajectory
+from weld_force_ros.measurement import profile_file
 from weld_force_ros.messages import WeldProfile
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.engines.common_poles import PoleModel
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.passage.wheel_path import Trajectory
+from weld_force_ros.simulation import fit_store, track_file
+from weld_force_ros.simulation.settings import parse_speeds, simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
 
 TRACK = "bilbao"
 SPEEDS = "20:255:5"
@@ -61,16 +63,16 @@ def study(engine: str = "common-poles") -> Study:
     """The study with an engine."""
     settings = simulation_settings(track=TRACK, engine=engine, speeds_kmh=parse_speeds(SPEEDS), positions=POSITIONS)
     simulator = Simulator(settings)
-    welds = {name: profiles.read_profile(profiles.find(name)) for name in WELDS}
+    welds = {name: profile_file.read_profile(profile_file.find(name)) for name in WELDS}
     return Study(simulator, welds, {name: simulator.trajectory(weld) for name, weld in welds.items()})
 
 
 def rig(threads: int | None = None) -> Rig:
     """The study's wheel and track on so many threads, or one a core."""
-    definition = tracks.load(TRACK)
+    definition = track_file.load(TRACK)
     return Rig(model(), definition.wheel, threads=threads)
 
 
 def model() -> PoleModel:
     """The study's track as common poles."""
-    return fits.fitted(tracks.load(TRACK)).model()
+    return fit_store.fitted(track_file.load(TRACK)).model()

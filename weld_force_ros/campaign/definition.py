@@ -6,10 +6,19 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta, UnsetType
 
-from weld_force_ros import _yaml, assess, tracks
+from weld_force_ros import _yaml
+from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.errors import InputError
+from weld_force_ros.measurement.profile_file import PlainForm
 from weld_force_ros.messages import AssessmentSettings, Name, SimulationSettings, legible
-from weld_force_ros.profiles import PlainForm
+from weld_force_ros.simulation import track_file
+from weld_force_ros.simulation.settings import (
+    DEFAULT_POSITIONS,
+    DEFAULT_SPEEDS,
+    parse_positions,
+    parse_speeds,
+    simulation_settings,
+)
 
 DEFAULT_BATCH_WELDS = 256
 OWN_WHEEL = "own"
@@ -65,8 +74,8 @@ class _CampaignFile(msgspec.Struct, forbid_unknown_fields=True):
     sources: Annotated[list[SourceFile], Meta(min_length=1)]
     sections: list[_SectionFile] = []
     vehicles: dict[Label, _Wheel] = {}
-    speeds: str | list[float] = assess.DEFAULT_SPEEDS
-    positions: int | str | list[float] = assess.DEFAULT_POSITIONS
+    speeds: str | list[float] = DEFAULT_SPEEDS
+    positions: int | str | list[float] = DEFAULT_POSITIONS
     engine: str = "common-poles"
     limits: str | None = None
     batch_welds: Annotated[int, Meta(ge=1, le=10_000)] = DEFAULT_BATCH_WELDS
@@ -129,7 +138,7 @@ def read(path: Path) -> Campaign:
         name=file.name,
         sources=file.sources,
         sections=[_section(section, file, folder, path) for section in sections],
-        limits=assess.load_limits(folder / file.limits if file.limits else None),
+        limits=load_limits(folder / file.limits if file.limits else None),
         batch_welds=file.batch_welds,
         folder=folder,
         out=folder / (file.out or f"{path.stem}-results"),
@@ -153,11 +162,11 @@ def _section(section: _SectionFile, file: _CampaignFile, folder: Path, path: Pat
 
 def _settings(track: str, wheel: _Wheel, file: _CampaignFile, folder: Path) -> SimulationSettings:
     speeds, positions = file.speeds, file.positions
-    return assess.simulation_settings(
-        track=track if track in tracks.shipped() else str(folder / track),
+    return simulation_settings(
+        track=track if track in track_file.shipped() else str(folder / track),
         engine=file.engine,
-        speeds_kmh=assess.parse_speeds(speeds) if isinstance(speeds, str) else speeds,
-        positions=assess.parse_positions(positions) if isinstance(positions, str) else positions,
+        speeds_kmh=parse_speeds(speeds) if isinstance(speeds, str) else speeds,
+        positions=parse_positions(positions) if isinstance(positions, str) else positions,
         wheel_mass_kg=wheel.mass_kg,
         static_load_n=wheel.static_load_n,
         wheel_radius_m=wheel.radius_m,

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from weld_force_ros.core.population import SyntheticWeld, population
+from weld_force_ros.measurement.synthetic_welds import SyntheticWeld, population
 from weld_force_ros.messages import WeldProfile, profile_sha256
 
 WELD_SPACING_M = 18.0

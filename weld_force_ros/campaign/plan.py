@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 
 from weld_force_ros import _files
-from weld_force_ros.assess import SOFTWARE
+from weld_force_ros.assessment.judge import SOFTWARE
 from weld_force_ros.campaign.definition import Campaign, Section
 from weld_force_ros.campaign.sources import Source
 from weld_force_ros.errors import InputError

@@ -10,10 +10,11 @@ import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]
 from msgspec import UNSET
 
-from weld_force_ros.core.criteria import CRITERIA, Passages, held_values, passages
-from weld_force_ros.core.verdict import counted_positions
+from weld_force_ros.assessment.criteria import CRITERIA
+from weld_force_ros.assessment.limits import held_values
 from weld_force_ros.messages import AssessmentSettings, Criterion, ForceMap, Verdict, WeldProfile
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.simulation.force_map_view import Passages, counted_positions, passages
 
 _WHO: dict[str, pa.DataType] = {
     "weld_number": pa.int64(),

@@ -16,8 +16,7 @@ import pyarrow as pa  # type: ignore[import-untyped]
 from msgspec import UNSET
 from threadpoolctl import threadpool_limits
 
-from weld_force_ros import fits, tracks
-from weld_force_ros.assess import Simulator, judge
+from weld_force_ros.assessment.judge import judge
 from weld_force_ros.campaign import plan as plans
 from weld_force_ros.campaign import records, sources, store, tables
 from weld_force_ros.campaign.definition import Section
@@ -27,6 +26,8 @@ from weld_force_ros.campaign.records import Record
 from weld_force_ros.campaign.sources import Batch
 from weld_force_ros.errors import InputError, NumericalError
 from weld_force_ros.messages import ForceMap, WeldProfile
+from weld_force_ros.simulation import fit_store, track_file
+from weld_force_ros.simulation.simulator import Simulator
 
 FITS = "fits"
 """Folder beside the results for the fits of its tracks."""
@@ -215,11 +216,11 @@ def give_fits(plan: Plan, out: Path) -> None:
     for section in plan.sections:
         for settings in section.vehicles.values():
             if settings.engine != "reference":
-                fit = fits.fitted(tracks.parse(settings.track_definition, settings.track), settings.engine)
-                fits.write(fit, out / FITS / f"{fit.key}.json")
+                fit = fit_store.fitted(track_file.parse(settings.track_definition, settings.track), settings.engine)
+                fit_store.write(fit, out / FITS / f"{fit.key}.json")
 
 
 def take_fits(out: Path) -> None:
     """Put the fits that came with the campaign into this user's cache, from where they are loaded."""
     for file in sorted((out / FITS).glob("*.json")):
-        fits.keep(msgspec.json.decode(file.read_bytes(), type=fits.AnyFit))
+        fit_store.keep(msgspec.json.decode(file.read_bytes(), type=fit_store.AnyFit))

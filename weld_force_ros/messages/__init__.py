@@ -60,6 +60,7 @@ from weld_force_ros.messages.fields import (
     UnknownPosition,
     UpOrDown,
     increasing,
+    known,
 )
 from weld_force_ros.messages.live import Inquiry, RailSurface, Rejection, Settled, WeldMarker
 from weld_force_ros.messages.profile import (
@@ -153,6 +154,7 @@ __all__ = [
     "identity",
     "increasing",
     "json_schema",
+    "known",
     "legible",
     "limits_sha256",
     "measurement_id",

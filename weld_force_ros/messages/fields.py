@@ -3,10 +3,12 @@
 import hashlib
 import itertools
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
-from msgspec import UNSET, Meta
+from msgspec import UNSET, Meta, UnsetType
+
+T = TypeVar("T")
 
 SCHEMA_VERSION = "1.2"
 MAX_MESSAGE_BYTES = 16 * 2**20
@@ -105,3 +107,8 @@ def content_without_header(message: Message, *without: str) -> dict[str, Any]:
 def json_sha256(content: object) -> str:
     """Return the SHA-256 of the JSON of `content`, its keys sorted."""
     return hashlib.sha256(msgspec.json.encode(content, order="sorted")).hexdigest()
+
+
+def known(value: T | UnsetType) -> T | None:
+    """A field's value, or None where it is absent."""
+    return None if isinstance(value, UnsetType) else value

@@ -32,7 +32,7 @@ from weld_force_ros.messages.profile import ProfileMeasures
 
 
 class Uncertainty(msgspec.Struct, kw_only=True, frozen=True):
-    """What is not known exactly, and how many samples of it are rolled: `weld_force_ros.core.uncertainty`."""
+    """What is not known exactly, and how many samples of it are rolled: `weld_force_ros.simulation.uncertainty`."""
 
     samples: Annotated[int, Meta(ge=2, le=MAX_SAMPLED)]
     seed: Number = 1

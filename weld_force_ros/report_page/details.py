@@ -7,10 +7,8 @@ import msgspec
 import numpy as np
 from msgspec import UNSET
 
-from weld_force_ros.core.criteria import FORCE_CRITERIA, Passages, decides, passages
-from weld_force_ros.core.curves import surface_features
-from weld_force_ros.core.verdict import judged_part
-from weld_force_ros.core.weld import Trajectory, wheel_trajectory
+from weld_force_ros.assessment.criteria import FORCE_CRITERIA
+from weld_force_ros.assessment.limits import decides, ratio
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import (
     AssessmentSettings,
@@ -22,11 +20,15 @@ from weld_force_ros.messages import (
     SimulationSettings,
     Verdict,
     WeldProfile,
+    known,
 )
+from weld_force_ros.physics.analysis.speed_curve import surface_features
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.report_page.numbers import decimals, known, short, significant, thinned
-from weld_force_ros.report_page.rows import ratio, what_to_measure
+from weld_force_ros.physics.passage.wheel_path import Trajectory, wheel_trajectory
+from weld_force_ros.report_page.numbers import decimals, short, significant, thinned
+from weld_force_ros.report_page.rows import what_to_measure
 from weld_force_ros.report_page.welds import Entry, Weld
+from weld_force_ros.simulation.force_map_view import Passages, judged_part, passages
 
 MOST_POINTS = 400
 _LONGEST_RAW_TEXT = 4_000

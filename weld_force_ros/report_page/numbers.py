@@ -1,19 +1,11 @@
 """Numbers as a page needs them: short, and of few points where a screen shows no more."""
 
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
-from msgspec import UnsetType
 from numpy.typing import ArrayLike, NDArray
 
-T = TypeVar("T")
-
 DIGITS = 5
-
-
-def known(value: T | UnsetType) -> T | None:
-    """A field's value, or None where it is absent."""
-    return None if isinstance(value, UnsetType) else value
 
 
 def significant(value: float, digits: int = DIGITS) -> float:

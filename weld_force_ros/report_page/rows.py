@@ -1,12 +1,11 @@
 """The front table's row of a weld: what to do, and the one number that says why."""
 
-from collections.abc import Sequence
 from typing import Any
 
-from msgspec import UNSET
-
-from weld_force_ros.messages import Criterion, GrindingAdvice, Verdict
-from weld_force_ros.report_page.numbers import known, significant
+from weld_force_ros.assessment.judge import permitted_kmh
+from weld_force_ros.assessment.limits import ratio, worst
+from weld_force_ros.messages import Criterion, GrindingAdvice, Verdict, known
+from weld_force_ros.report_page.numbers import significant
 from weld_force_ros.report_page.welds import Entry, Weld
 
 _LONGEST_LINE = 200
@@ -41,29 +40,10 @@ def row(number: int, entry: Entry) -> dict[str, Any]:
     return {name: value for name, value in content.items() if value is not None}
 
 
-def ratio(criterion: Criterion) -> float:
-    """Value over limit; beyond a limit of zero it is infinite."""
-    if criterion.limit > 0:
-        return criterion.value / criterion.limit
-    return 0.0 if criterion.passed else float("inf")
-
-
-def worst(criteria: Sequence[Criterion]) -> Criterion:
-    """The criterion nearest to its limit or farthest beyond it, of those that the decision hangs on."""
-    return max([c for c in criteria if c.decides] or criteria, key=ratio)
-
-
 def _held(criterion: Criterion) -> dict[str, Any]:
     share = ratio(criterion)
     return {"name": criterion.name, "ratio": significant(share, 3) if share != float("inf") else None,
             "passed": criterion.passed, "verified": criterion.verified}  # fmt: skip
-
-
-def permitted_kmh(verdict: Verdict) -> float | None:
-    """0 if no speed is within limits, None if nothing was said about speed."""
-    if verdict.permitted_speed_kmh is not UNSET:
-        return known(verdict.permitted_speed_kmh)
-    return 0.0 if verdict.advice_step_kmh is not UNSET else None
 
 
 def _advice(verdict: Verdict, grinding: GrindingAdvice | None) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from msgspec.structs import replace as changed
 
-from weld_force_ros.assess import judge
+from weld_force_ros.assessment.judge import judge
 from weld_force_ros.errors import InputError, MessageError, WeldForceError
 from weld_force_ros.messages import (
     AssessmentSettings,

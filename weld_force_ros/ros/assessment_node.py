@@ -12,7 +12,8 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.clock import Clock, ClockType
 from std_msgs.msg import String
 
-from weld_force_ros import assess
+from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.bag import MessageDefinition, Recorder
 from weld_force_ros.errors import BagError, DiskFullError
 from weld_force_ros.messages import (
@@ -242,7 +243,7 @@ class AssessmentNode(ManagedNode):
             return
         self._tell(force_map)
         try:
-            verdict = assess.judge(force_map, self._limits)
+            verdict = judge(force_map, self._limits)
             verdict.profile_id = profile_id
             self.messenger.publish(verdict)
         except DiskFullError:
@@ -340,4 +341,4 @@ class AssessmentNode(ManagedNode):
 
 
 def _limits(values: dict[str, Any]) -> AssessmentSettings:
-    return assess.load_limits(Path(values["limits"]).expanduser() if values["limits"] else None)
+    return load_limits(Path(values["limits"]).expanduser() if values["limits"] else None)

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from weld_force_ros import profiles, replay
+from weld_force_ros import replay
 from weld_force_ros.errors import InputError, WeldForceError
+from weld_force_ros.measurement import profile_file
 from weld_force_ros.ros import environment
 from weld_force_ros.ros.run import ALL_KINDS, KINDS, Kind, Suite, stop_signals
 
@@ -68,8 +69,8 @@ def demonstrate(folder: Path, *, track: str, on_outcome: Callable[[str], None], 
         if trolley:
             expected = _await_trolley(suite, stop)
         else:
-            expected = len(profiles.shipped())
-            for name, path in profiles.shipped().items():
+            expected = len(profile_file.shipped())
+            for name, path in profile_file.shipped().items():
                 waited.since_s[name] = time.monotonic()
                 shutil.copyfile(path, measurements / path.name)
         _await(lambda: len(waited.seconds) >= expected, suite, stop)

@@ -10,10 +10,10 @@ from typing import Any
 from msgspec import UNSET
 from rclpy.clock import Clock, ClockType
 
-from weld_force_ros.columns import MAX_FILE_BYTES
 from weld_force_ros.errors import InputError
+from weld_force_ros.measurement.profile_file import PlainForm, parse_profile
+from weld_force_ros.measurement.text_columns import MAX_FILE_BYTES
 from weld_force_ros.messages import TOPICS, Inquiry, Rejection, Settled, WeldProfile, measurement_id
-from weld_force_ros.profiles import PlainForm, parse_profile
 from weld_force_ros.ros.dispatch import Dispatch
 from weld_force_ros.ros.folder import FolderWatcher
 from weld_force_ros.ros.managed import CLOSE_S, ManagedNode

@@ -22,7 +22,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from weld_force_ros import assess
+from weld_force_ros.assessment.judge import Simulates
 from weld_force_ros.errors import InputError, WeldForceError
 from weld_force_ros.messages import ForceHistory, ForceMap, Message, Rejection, SimulationSettings, Verdict, WeldProfile
 from weld_force_ros.ros import environment
@@ -30,8 +30,9 @@ from weld_force_ros.ros.assessment_node import AssessmentNode
 from weld_force_ros.ros.dashboard_node import DashboardNode
 from weld_force_ros.ros.managed import CLOSE_S, ManagedNode
 from weld_force_ros.ros.profile_node import ProfileNode
-from weld_force_ros.ros.simulator_node import Simulates, SimulatorNode
+from weld_force_ros.ros.simulator_node import SimulatorNode
 from weld_force_ros.ros.trolley_node import TrolleyNode
+from weld_force_ros.simulation import simulator
 
 Kind = Literal["trolley", "profile", "simulator", "assessment", "dashboard"]
 
@@ -75,7 +76,7 @@ class Suite:
         parameters: Mapping[Kind, Mapping[str, Any]] | None = None,
         ros_args: Sequence[str] = (),
         domain_id: int | None = None,
-        load_simulator: Callable[[SimulationSettings], Simulates] = assess.Simulator,
+        load_simulator: Callable[[SimulationSettings], Simulates] = simulator.Simulator,
         on_force_map: Callable[[ForceMap], None] | None = None,
         on_verdict: Callable[[Verdict], None] | None = None,
         on_rejection: Callable[[Rejection], None] | None = None,

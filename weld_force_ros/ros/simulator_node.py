@@ -3,9 +3,9 @@
 import time
 from collections import OrderedDict
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
-from weld_force_ros import assess
+from weld_force_ros.assessment.judge import Simulates, worst_history
 from weld_force_ros.messages import (
     TOPICS,
     ForceHistory,
@@ -16,23 +16,14 @@ from weld_force_ros.messages import (
     WeldProfile,
     identity,
 )
-from weld_force_ros.node_parameters import simulation_settings
+from weld_force_ros.node_parameters import settings_of_simulator
 from weld_force_ros.ros.managed import CLOSE_S, ManagedNode
 from weld_force_ros.ros.messenger import Messenger, Sample
 from weld_force_ros.ros.qos import KEPT
 from weld_force_ros.ros.worker import Worker
+from weld_force_ros.simulation import simulator
 
 _SAME_ASKED_TWICE_S = 4.0
-
-
-class Simulates(Protocol):
-    """What the node needs of `assess.Simulator`."""
-
-    def force_map(self, profile: WeldProfile) -> ForceMap:
-        """Peak forces over speed and position."""
-
-    def worst_history(self, profile: WeldProfile, force_map: ForceMap) -> ForceHistory:
-        """The passage with the largest peak."""
 
 
 class SimulatorNode(ManagedNode):
@@ -48,13 +39,13 @@ class SimulatorNode(ManagedNode):
     kind = "simulator_node"
 
     def __init__(
-        self, *, load: Callable[[SimulationSettings], Simulates] = assess.Simulator, **node_options: Any
+        self, *, load: Callable[[SimulationSettings], Simulates] = simulator.Simulator, **node_options: Any
     ) -> None:
         super().__init__(**node_options)
         self._load = load
 
     def _configure(self, values: dict[str, Any]) -> None:
-        self._settings = simulation_settings(values)
+        self._settings = settings_of_simulator(values)
         self._settled: OrderedDict[str, None] = OrderedDict()
         self._computed_s: OrderedDict[str, float] = OrderedDict()
         self._simulator: Simulates
@@ -82,10 +73,10 @@ class SimulatorNode(ManagedNode):
         return self._worker.pending if self._configured else 0
 
     def _check_change(self, values: dict[str, Any]) -> None:
-        simulation_settings(values)
+        settings_of_simulator(values)
 
     def _change(self, values: dict[str, Any]) -> None:
-        self._worker.put(simulation_settings(values))
+        self._worker.put(settings_of_simulator(values))
 
     def _warning(self) -> str | None:
         others = self.count_publishers(self.resolve_topic_name(TOPICS[ForceMap].name)) - 1
@@ -140,7 +131,7 @@ class SimulatorNode(ManagedNode):
 
     def _publish_history(self, profile: WeldProfile, force_map: ForceMap) -> None:
         try:
-            history = self._simulator.worst_history(profile, force_map)
+            history = worst_history(profile, self._simulator, force_map)
             history.profile_id = force_map.profile_id
             self.messenger.publish(history)
         except Exception as error:  # the map is the outcome; a Rejection would be a second one

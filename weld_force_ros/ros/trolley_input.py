@@ -17,9 +17,9 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from weld_force_ros.core.stream import STEP_M
 from weld_force_ros.errors import InputError, MessageError
-from weld_force_ros.live import LiveRail
+from weld_force_ros.measurement.live_capture import LiveRail
+from weld_force_ros.measurement.rail_stream import STEP_M
 from weld_force_ros.messages import MAX_MESSAGE_BYTES, TOPICS, Message, RailSurface, WeldMarker
 from weld_force_ros.ros import points, qos
 from weld_force_ros.ros.managed import CLOSE_S, ManagedNode

@@ -8,14 +8,14 @@ import numpy as np
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from weld_force_ros import trolley
 from weld_force_ros.errors import InputError
+from weld_force_ros.measurement import synthetic_rail
+from weld_force_ros.measurement.synthetic_rail import Batch, Handling, PlacedWeld, SyntheticRail
 from weld_force_ros.messages import TOPICS, RailSurface, WeldMarker
 from weld_force_ros.ros import points, qos
 from weld_force_ros.ros.managed import CLOSE_S, ManagedNode
 from weld_force_ros.ros.messenger import Messenger
 from weld_force_ros.ros.trolley_input import CAPTURE_SERVICE
-from weld_force_ros.trolley import Batch, Handling, PlacedWeld, SyntheticRail
 
 _LOOK_S = 0.05
 _ANSWER_S = 5.0
@@ -33,7 +33,7 @@ class TrolleyNode(ManagedNode):
         _check_choice(values, "form", _FORMS)
         self._marks, self._form, self._rate = values["marks"], values["form"], values["rate"]
         self.rail = SyntheticRail(values["length_m"], values["seed"])
-        self._batches = trolley.run(self.rail, values["seed"], Handling(speed_m_per_s=values["speed_m_per_s"]))
+        self._batches = synthetic_rail.run(self.rail, values["seed"], Handling(speed_m_per_s=values["speed_m_per_s"]))
         self.messenger = self._resources.enter_context(Messenger(self, [RailSurface, WeldMarker]))
         if self._form == "points":
             self._points = self.messenger.outlet(PointCloud2, points.TOPIC, qos.STREAM)

@@ -11,8 +11,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import WrenchStamped
 from msgspec import UNSET
 
+from weld_force_ros.assessment.judge import permitted_kmh
+from weld_force_ros.assessment.limits import ratio
 from weld_force_ros.messages import Decision, Verdict
-from weld_force_ros.report_page.rows import permitted_kmh, ratio
 
 RAIL_FRAME = "rail"
 NAME = "weld"

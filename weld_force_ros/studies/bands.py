@@ -5,11 +5,11 @@ from functools import cached_property
 
 import numpy as np
 
-from weld_force_ros.core.curves import curve_features
-from weld_force_ros.core.passage import History
-from weld_force_ros.core.spectra import CUT_HZ, Bands, Spectrum, bands, phase_at_peak
-from weld_force_ros.core.surface import Surface
+from weld_force_ros.physics.analysis.spectra import CUT_HZ, Bands, Spectrum, bands, phase_at_peak
+from weld_force_ros.physics.analysis.speed_curve import curve_features
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.passage.passage import History
+from weld_force_ros.physics.passage.peak_map import Surface
 from weld_force_ros.studies import bands_figures, passages, records, variants
 from weld_force_ros.studies.laboratory import CONTINUOUS, Investigation, Laboratory, Measured, as_columns
 from weld_force_ros.studies.tables import Column, Table

@@ -9,13 +9,15 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from weld_force_ros import assess, tracks
-from weld_force_ros.assess import Simulator, simulation_settings
-from weld_force_ros.core.causality import acausal
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.track import receptance
+from weld_force_ros.assessment.judge import SOFTWARE
 from weld_force_ros.errors import InputError
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.track.beam import receptance
+from weld_force_ros.physics.track.causality import acausal
+from weld_force_ros.simulation import track_file
+from weld_force_ros.simulation.settings import ENGINES, simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
 from weld_force_ros.studies import Stage, unseen
 from weld_force_ros.studies.comparison import Error, Passage, error_table, grouped, passage_table
 from weld_force_ros.studies.grids import Grid, ReferenceGrid, Rolling, peaks, referenced
@@ -144,7 +146,7 @@ def run(
     """
     _make_folder(out)
     kept = ReferencePeaks(out / "reference")
-    engines = [engine for engine in assess.ENGINES if engine != "reference"]
+    engines = [engine for engine in ENGINES if engine != "reference"]
     grids = [
         referenced(grid, kept, stage(f"reference on {grid.track}", len(grid.speeds_kmh)))
         for grid in (QUICK_GRIDS if quick else GRIDS)
@@ -216,7 +218,7 @@ def _engine_curves(reference: ReferenceGrid, engine: str, rig: Rolling) -> list[
 def _receptances(engines: Sequence[str], on_fit: Callable[[str], None] | None) -> list[ReceptanceSection]:
     """Over the sleeper and at mid-span."""
     models = {engine: cast(Rig, _simulator(_HYSTERETIC, engine, on_fit).rig).model for engine in engines}
-    definition = tracks.load(_HYSTERETIC)
+    definition = track_file.load(_HYSTERETIC)
     track, contact = definition.track, definition.wheel.compliance(2 * np.pi * _RECEPTANCE_HZ)
     sections = []
     for at_m in (0.0, track.spacing_m / 2):
@@ -277,7 +279,7 @@ def _flat_table(curves: Sequence[FlatCurve]) -> Table:
 def _write_summary(study: EnginesStudy, grids: Sequence[ReferenceGrid], path: Path) -> None:
     summary = {
         "study": "engines",
-        "software": assess.SOFTWARE,
+        "software": SOFTWARE,
         "grids": [g.grid for g in grids],
         "outcomes": study.outcomes,
         "orders": [

@@ -8,7 +8,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from weld_force_ros.assess import SOFTWARE
+from weld_force_ros.assessment.judge import SOFTWARE
 from weld_force_ros.errors import InputError
 from weld_force_ros.report import save
 from weld_force_ros.studies.laboratory import Investigation

@@ -12,15 +12,16 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from weld_force_ros import profiles, tracks
-from weld_force_ros.core.shapes import cosine_dip
-from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.weld import Trajectory, wheel_trajectory
 from weld_force_ros.errors import NumericalError
+from weld_force_ros.measurement import profile_file
+from weld_force_ros.measurement.shapes import cosine_dip
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.wheel_path import Trajectory, wheel_trajectory
+from weld_force_ros.simulation import track_file
+from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.studies.comparison import Passage
 from weld_force_ros.studies.reference_peaks import ReferencePeaks
-from weld_force_ros.tracks import TrackDefinition
 
 _RADIUS_M = 0.45
 _ROUNDING = 0.100 / np.sqrt(8 * _RADIUS_M * 0.9e-3)
@@ -39,7 +40,7 @@ class Rolling(Protocol):
     """A wheel on a track, by whatever engine."""
 
     def surface(self, trajectory: Trajectory, speeds_kmh: ArrayLike, positions_m: ArrayLike) -> Surface:
-        """As `weld_force_ros.core.passage.Rig.surface`."""
+        """As `weld_force_ros.physics.passage.passage.Rig.surface`."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ def peaks(rig: Rolling, trajectory: Trajectory, speeds_kmh: Sequence[float], pos
 
 def referenced(grid: Grid, kept: ReferencePeaks, on_speed: Callable[[], object]) -> ReferenceGrid:
     """The reference's peak forces on a grid, computed or found in `kept`."""
-    definition = tracks.load(grid.track)
+    definition = track_file.load(grid.track)
     trajectories = [trajectory(shape, definition) for shape in grid.shapes]
     positions = np.arange(grid.position_count) * definition.track.spacing_m / grid.position_count
     peaks = []
@@ -106,7 +107,7 @@ def trajectory(shape: str, definition: TrackDefinition) -> Trajectory:
     """
     if shape in COSINES_M:
         return wheel_trajectory(*sampled_cosine(*COSINES_M[shape]), definition.wheel.radius_m)
-    profile = profiles.read_profile(profiles.find(shape))
+    profile = profile_file.read_profile(profile_file.find(shape))
     return wheel_trajectory(np.array(profile.x_m), np.array(profile.z_m), definition.wheel.radius_m)
 
 

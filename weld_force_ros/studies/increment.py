@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from weld_force_ros.core.curves import SurfaceFeatures, surface_features
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.weld import Trajectory
+from weld_force_ros.physics.analysis.speed_curve import SurfaceFeatures, surface_features
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.passage.wheel_path import Trajectory
 from weld_force_ros.report import new_figure
 from weld_force_ros.studies.laboratory import BILBAO, WELDS, Investigation, Laboratory, Measured, Picture, grid_rows
 from weld_force_ros.studies.map_figures import draw_surface, name_sleepers, outline

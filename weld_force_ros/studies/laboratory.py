@@ -12,15 +12,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from weld_force_ros import fits, profiles, tracks
-from weld_force_ros.core.passage import History, Rig
-from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.weld import Trajectory, wheel_trajectory
-from weld_force_ros.core.wheel import Wheel
+from weld_force_ros.measurement import profile_file
 from weld_force_ros.messages import WeldProfile
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.passage.passage import History, Rig
+from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.wheel import Wheel
+from weld_force_ros.physics.passage.wheel_path import Trajectory, wheel_trajectory
+from weld_force_ros.simulation import fit_store, track_file
+from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.studies.tables import Table
-from weld_force_ros.tracks import TrackDefinition
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -102,7 +103,7 @@ class Laboratory:
         """A shipped profile by name, or the user's own."""
         if self.own_weld is not None and name == self.own_weld.weld_id:
             return self.own_weld
-        return profiles.read_profile(profiles.find(name))
+        return profile_file.read_profile(profile_file.find(name))
 
     def trajectory(self, weld: str | tuple[FloatArray, FloatArray], track: str) -> Trajectory:
         """The wheel centre's way over a weld: a name, or positions and heights in m."""
@@ -162,13 +163,13 @@ class Laboratory:
 
     def _definition(self, name: str) -> TrackDefinition:
         if name not in self._definitions:
-            self._definitions[name] = tracks.load(name)
+            self._definitions[name] = track_file.load(name)
         return self._definitions[name]
 
     def _rig(self, definition: TrackDefinition, wheel: Wheel) -> Rig:
         key = (definition.text, wheel)
         if key not in self._rigs:
-            self._rigs[key] = Rig(fits.fitted(definition).model(), wheel)
+            self._rigs[key] = Rig(fit_store.fitted(definition).model(), wheel)
         return self._rigs[key]
 
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from weld_force_ros.core.curves import CurveFeatures
-from weld_force_ros.core.geometry import classify
+from weld_force_ros.physics.analysis.geometry import classify
+from weld_force_ros.physics.analysis.speed_curve import CurveFeatures
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.studies import map_figures
 from weld_force_ros.studies.laboratory import WELDS, Investigation, Laboratory, Measured, grid_rows

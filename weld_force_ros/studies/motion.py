@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from weld_force_ros.core.passage import History
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.passage.passage import History
 from weld_force_ros.report import new_figure
 from weld_force_ros.studies.laboratory import BILBAO, WELDS, Investigation, Laboratory, Measured, Picture, as_columns
 from weld_force_ros.studies.passages import SmoothRail

@@ -10,16 +10,16 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from weld_force_ros import tracks
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.poles import PoleModel, fit_track, relative_error
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.engines.common_poles import PoleModel, fit_track, relative_error
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.simulation import track_file
+from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.studies import Stage
 from weld_force_ros.studies.comparison import Error, error_of
 from weld_force_ros.studies.grids import ReferenceGrid, trajectory
 from weld_force_ros.studies.reference_peaks import ReferencePeaks
 from weld_force_ros.studies.tables import Cell, Column, Table
-from weld_force_ros.tracks import TrackDefinition
 
 ORDERS = (4, 6, 8, 10, 12, 14, 16)
 ANGLE_TRACK = "bilbao-continuous"
@@ -71,7 +71,7 @@ def order_effects(
             error = error_of(grid.compared(f"order {order}", Rig(model, grid.definition.wheel)))
             effects.append(OrderEffect(grid.grid.track, order, fit_error, error, []))
             step()
-    definition = tracks.load(ANGLE_TRACK)
+    definition = track_file.load(ANGLE_TRACK)
     dip = trajectory(ANGLE_SHAPE, definition)
     for order in orders:
         model, fit_error = _fitted(definition, order)

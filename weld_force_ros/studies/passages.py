@@ -5,11 +5,11 @@ from functools import cached_property
 
 import numpy as np
 
-from weld_force_ros.core.curves import CurveFeatures, Hollow, curve_features, sharp_angles
-from weld_force_ros.core.passage import History
-from weld_force_ros.core.peaks import Peak, local_peaks
-from weld_force_ros.core.surface import Surface
+from weld_force_ros.physics.analysis.peaks import Peak, local_peaks
+from weld_force_ros.physics.analysis.speed_curve import CurveFeatures, Hollow, curve_features, sharp_angles
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.passage.passage import History
+from weld_force_ros.physics.passage.peak_map import Surface
 from weld_force_ros.studies.laboratory import Laboratory
 
 SIGNIFICANT = 0.02  # of a curve's largest less smallest force: what counts as an extremum or a hollow

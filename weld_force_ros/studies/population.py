@@ -1,6 +1,6 @@
 """Study `population`: does a weld's geometry tell how its force grows with speed?
 
-After sections 4, 7 and 8 of the paper. Hundreds of synthetic welds (`weld_force_ros.core.population`) are rolled over,
+After sections 4, 7 and 8 of the paper. Hundreds of synthetic welds (`weld_force_ros.measurement.synthetic_welds`) are rolled over,
 sorted by their geometry alone, and the classes held against what the forces did. Each weld with a dip is also rolled
 over upside down.
 """
@@ -9,7 +9,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from weld_force_ros.core.population import population, without_short_waves
+from weld_force_ros.measurement.synthetic_welds import population, without_short_waves
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.studies import population_figures as figures
 from weld_force_ros.studies.laboratory import BILBAO, Investigation, Laboratory, Measured, Picture, as_columns

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from weld_force_ros.core.geometry import Geometry, classify, quality_index
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.population import SyntheticWeld
-from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.weld import Trajectory
+from weld_force_ros.measurement.synthetic_welds import SyntheticWeld
+from weld_force_ros.physics.analysis.geometry import Geometry, classify, quality_index
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.wheel_path import Trajectory
 from weld_force_ros.studies.laboratory import BILBAO, Laboratory
 from weld_force_ros.studies.passages import SmoothRail, features
 

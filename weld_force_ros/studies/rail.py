@@ -5,19 +5,20 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from weld_force_ros import fits, profiles, sections, tracks
-from weld_force_ros.core import strip
-from weld_force_ros.core import track as core_tracks
-from weld_force_ros.core.outline import Dimensions
-from weld_force_ros.core.passage import Rig
-from weld_force_ros.core.track import Rail, StripRail
-from weld_force_ros.core.weld import wheel_trajectory
+from weld_force_ros.measurement import profile_file
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.passage.wheel_path import wheel_trajectory
+from weld_force_ros.physics.track import beam as core_tracks
+from weld_force_ros.physics.track import waveguide_rail
+from weld_force_ros.physics.track.beam import Rail, StripRail
+from weld_force_ros.physics.track.outline import Dimensions
+from weld_force_ros.simulation import fit_store, section_file, track_file
+from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.studies import rail_figures
 from weld_force_ros.studies.laboratory import DIP_48, WELDS, Investigation, Measured, as_columns
 from weld_force_ros.studies.rail_figures import Forces
 from weld_force_ros.studies.tables import Cell, Column, Table
-from weld_force_ros.tracks import TrackDefinition
 
 HIGHEST_HZ = 5000.0
 PARTING = (0.05, 0.10, 0.20)
@@ -64,11 +65,11 @@ def run(
     Raises:
         TrackError: a track or section that cannot be used.
     """
-    given = tracks.load(track)
+    given = track_file.load(track)
     beam = with_beam(given)
     strips = given
     if not isinstance(given.track.rail, StripRail):
-        strips = with_strips(given, sections.load(section).dimensions)
+        strips = with_strips(given, section_file.load(section).dimensions)
     frequency_hz = np.arange(_STEP_HZ, HIGHEST_HZ + 1, _STEP_HZ * (5 if coarse else 1))
     advance = stage("waves and receptances", 4)
     waves = {name: _wavenumbers(one.track.rail, frequency_hz) for name, one in _both(beam, strips)}
@@ -111,7 +112,7 @@ def _shapes(rail: Rail) -> list[rail_figures.Shape]:
     """Waves of the section at some frequencies."""
     if not isinstance(rail, StripRail):
         raise TypeError("waves of a section are asked of a beam")
-    free = strip.rail(rail.section, rail.wear_m, rail.steel, refine=1)  # elements that can be seen
+    free = waveguide_rail.rail(rail.section, rail.wear_m, rail.steel, refine=1)  # elements that can be seen
     return [rail_figures.Shape(hz, wave, free.mesh) for hz in SHAPES_HZ for wave in free.travelling(hz)]
 
 
@@ -127,11 +128,11 @@ def _forces(
     positions = np.arange(5 if coarse else 15) * beam.track.spacing_m / (5 if coarse else 15)
     names = (*WELDS, DIP_48)
     advance = stage("peak forces", len(names) + 1)
-    rigs = {name: Rig(fits.fitted(one, on_fit=say).model(), one.wheel) for name, one in _both(beam, strips)}
+    rigs = {name: Rig(fit_store.fitted(one, on_fit=say).model(), one.wheel) for name, one in _both(beam, strips)}
     advance()
     found = []
     for name in names:
-        profile = profiles.read_profile(profiles.find(name))
+        profile = profile_file.read_profile(profile_file.find(name))
         way = wheel_trajectory(np.array(profile.x_m), np.array(profile.z_m), beam.wheel.radius_m)
         surfaces = {rail: rig.surface(way, speeds, positions) for rail, rig in rigs.items()}
         found.append(Forces(name, speeds, surfaces["beam"], surfaces["strip"]))

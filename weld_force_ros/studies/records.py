@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from weld_force_ros.core.passage import History, Rig
-from weld_force_ros.core.spectra import SpectralPeak, Spectrum, amplitude_spectrum, spectral_peaks
-from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.weld import RESAMPLED_STEP_M, Trajectory
+from weld_force_ros.physics.analysis.spectra import SpectralPeak, Spectrum, amplitude_spectrum, spectral_peaks
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.passage.passage import History, Rig
+from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, Trajectory
 
 MARGIN_M = 6.0  # the wheelset on the track has come to rest within it, and the taper's ends lie in it
 CLEAR = 0.01  # of the largest amplitude: how far a spectral peak stands out

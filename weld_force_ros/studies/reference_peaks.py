@@ -14,10 +14,11 @@ import msgspec
 import numpy as np
 
 from weld_force_ros import __version__, _files
-from weld_force_ros.core import reference, track
-from weld_force_ros.core.weld import Trajectory
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.tracks import TrackDefinition
+from weld_force_ros.physics.engines import greens_function
+from weld_force_ros.physics.passage.wheel_path import Trajectory
+from weld_force_ros.physics.track import beam
+from weld_force_ros.simulation.track_file import TrackDefinition
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class ReferencePeaks:
         known = _read(path)
         missing = {weld: t for weld, t in zip(welds, trajectories, strict=True) if weld not in known}
         if missing:
-            rig = reference.GreenRig(definition.track, definition.wheel)
+            rig = greens_function.GreenRig(definition.track, definition.wheel)
             surfaces = rig.surfaces(list(missing.values()), [speed_kmh], positions_m)
             known |= {
                 weld: np.concatenate([s.peak_force_n, s.peak_x_m]) for weld, s in zip(missing, surfaces, strict=True)
@@ -63,7 +64,7 @@ def _digest(number: float | str, array: FloatArray) -> str:
 @cache
 def _engine() -> str:
     """Identity of what computes: the engine's constants decide on the result as much as its formulas."""
-    sources = [inspect.getsource(module) for module in (reference, track)]
+    sources = [inspect.getsource(module) for module in (greens_function, beam)]
     return hashlib.sha256("".join([__version__, *sources]).encode()).hexdigest()
 
 

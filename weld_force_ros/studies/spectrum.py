@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from weld_force_ros import fits
-from weld_force_ros.core import track as tracks
-from weld_force_ros.core.spectra import (
+from weld_force_ros.physics.analysis.spectra import (
     CUT_HZ,
     SpectralPeak,
     Spectrum,
@@ -13,6 +11,8 @@ from weld_force_ros.core.spectra import (
     wheelset_track_receptance,
 )
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
+from weld_force_ros.physics.track import beam
+from weld_force_ros.simulation import fit_store
 from weld_force_ros.studies import records
 from weld_force_ros.studies.laboratory import (
     BILBAO,
@@ -60,11 +60,11 @@ def run(lab: Laboratory) -> Investigation:
 def _receptances(lab: Laboratory) -> dict[str, ComplexArray]:
     """Track alone: at the sections of Fig. 5, over the whole span, where the wheel rolls; and with the wheelset."""
     discrete, continuous = lab.track(BILBAO).track, lab.track(CONTINUOUS)
-    span = tracks.receptance(discrete, _FREQUENCIES_HZ, tracks.sections(discrete, 15))
+    span = beam.receptance(discrete, _FREQUENCIES_HZ, beam.sections(discrete, 15))
     return {
-        "sections": tracks.receptance(discrete, _FREQUENCIES_HZ, _FIG_5_SPANS * discrete.spacing_m),
+        "sections": beam.receptance(discrete, _FREQUENCIES_HZ, _FIG_5_SPANS * discrete.spacing_m),
         "span_mean": span.mean(axis=0, keepdims=True),
-        "rolled_over": tracks.receptance(continuous.track, _FREQUENCIES_HZ, 0.0),
+        "rolled_over": beam.receptance(continuous.track, _FREQUENCIES_HZ, 0.0),
         "wheelset_track": wheelset_track_receptance(continuous.track, continuous.wheel, _FREQUENCIES_HZ, 0.0),
     }
 
@@ -116,7 +116,7 @@ def _measured(
 
 
 def _track_alone(lab: Laboratory, receptances: dict[str, ComplexArray]) -> Measured:
-    pinned_hz = tracks.pinned_pinned_hz(lab.track(BILBAO).track)
+    pinned_hz = beam.pinned_pinned_hz(lab.track(BILBAO).track)
     ratio = _ratio(receptances["sections"])
     near_pinned = np.abs(_FREQUENCIES_HZ / pinned_hz - 1) <= _NEAR
     shared = (_FREQUENCIES_HZ >= 20) & (_FREQUENCIES_HZ <= 800)
@@ -125,8 +125,8 @@ def _track_alone(lab: Laboratory, receptances: dict[str, ComplexArray]) -> Measu
         "spectrum.section_ratio_pinned_pinned": float(ratio[near_pinned].max()),
         "spectrum.section_ratio_300hz": float(np.interp(300.0, _FREQUENCIES_HZ, ratio)),
         "spectrum.continuous_difference": float(np.sqrt(np.mean((continuous / mean - 1) ** 2))),
-        "spectrum.rfp_error_bilbao": fits.fitted(lab.track(BILBAO), "rfp").error,
-        "spectrum.rfp_error_continuous": fits.fitted(lab.track(CONTINUOUS), "rfp").error,
+        "spectrum.rfp_error_bilbao": fit_store.fitted(lab.track(BILBAO), "rfp").error,
+        "spectrum.rfp_error_continuous": fit_store.fitted(lab.track(CONTINUOUS), "rfp").error,
     }
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from weld_force_ros.core.curves import Hollow
+from weld_force_ros.physics.analysis.speed_curve import Hollow
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report import GREY, as_text, new_figure
 from weld_force_ros.studies.grids import COSINES_M, sampled_cosine

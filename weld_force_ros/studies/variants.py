@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from weld_force_ros.core.weld import Trajectory
+from weld_force_ros.physics.passage.wheel_path import Trajectory
 from weld_force_ros.studies.laboratory import CONTINUOUS, DIP_48, DIP_96, RISE_48, Laboratory
 
 

@@ -7,10 +7,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from weld_force_ros.core.curves import CurveFeatures, SurfaceFeatures, surface_features
-from weld_force_ros.core.surface import Surface
-from weld_force_ros.core.weld import wheel_trajectory
+from weld_force_ros.physics.analysis.speed_curve import CurveFeatures, SurfaceFeatures, surface_features
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.wheel_path import wheel_trajectory
 from weld_force_ros.studies.laboratory import BILBAO, WELDS, Laboratory
 from weld_force_ros.studies.passages import SIGNIFICANT, features
 

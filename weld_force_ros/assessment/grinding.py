@@ -1,0 +1,382 @@
+"""Advice on grinding: the least removal with the simulator in the loop, then rolled over again on the exact track.
+
+The search looks at some of the speeds and positions. Its result is checked at all of them, and by the `reference`
+engine where forces come nearest to their limits; a limit that is exceeded there is tightened by as much, and the search
+goes on from where it was.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeAlias
+
+import numpy as np
+from msgspec import UNSET
+from msgspec.structs import replace as changed
+from numpy.typing import NDArray
+
+from weld_force_ros.assessment.criteria import FORCE_CRITERIA, gradient_norm_rad
+from weld_force_ros.assessment.grinding_search import Grinder, Profile, Removal, least_removal
+from weld_force_ros.assessment.judge import SOFTWARE, judge
+from weld_force_ros.assessment.limits import applies, decides
+from weld_force_ros.messages import (
+    AssessmentSettings,
+    ForceMap,
+    GrindingAdvice,
+    Limit,
+    ProfileMeasures,
+    SimulationSettings,
+    Verdict,
+    WeldProfile,
+    config_sha256,
+    profile_sha256,
+)
+from weld_force_ros.physics.analysis.geometry import largest_gradient, straightedge_gap
+from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.engines.greens_function import GreenRig
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.wheel_path import wheel_trajectory
+from weld_force_ros.simulation import track_file
+from weld_force_ros.simulation.force_map_view import Judged, Passages, judged_part
+from weld_force_ros.simulation.simulator import Simulator
+
+MOST_ROUNDS = 8
+MOST_CHECKS = 3
+_SPEEDS, _POSITIONS = 12, 4  # that the search begins with
+_FAR = 0.15  # of a limit: grinding is not expected to bring a force that much nearer to it
+_LOW_PASSED = ("p2_force", "force_20hz")
+_REFERENCE_SPEEDS, _REFERENCE_POSITIONS = 3, 3
+_APART_KMH = 15.0  # speeds nearer to each other say the same
+_SPARE = 1e-3  # of a limit that is left
+_KEPT = 0.005  # of the static load: the least force where contact must not be lost
+_LOST_S = 1e-3  # without contact are as bad as a static load missing
+_NOTABLE_M = 5e-6  # of a removal: where it is said to begin and end
+_DECIMALS = 10
+
+
+Indices: TypeAlias = NDArray[np.int64]
+Axes: TypeAlias = tuple[Indices, Indices]
+
+
+@dataclass(frozen=True)
+class _Rolling:
+    """Speeds (n_speed,) and positions (n_position,) at which a rig rolls over profiles."""
+
+    rig: Rig | GreenRig
+    speeds_kmh: FloatArray
+    positions_m: FloatArray
+
+    def over(self, profiles: Sequence[Profile], *, low_passed: bool = True) -> list[Passages]:
+        """Passages of shape (n_speed, n_position) over each profile."""
+        wheel = self.rig.wheel
+        with ThreadPoolExecutor() as pool:
+            trajectories = list(pool.map(lambda p: wheel_trajectory(p[0], p[1], wheel.radius_m), profiles))
+        surfaces = self.rig.surfaces(trajectories, self.speeds_kmh, self.positions_m, low_passed=low_passed)
+        return [
+            Passages(wheel.static_load_n, s.peak_force_n, s.min_force_n, s.contact_loss_s, *_low_passed(s))
+            for s in surfaces
+        ]
+
+    def at(self, rows: Indices, columns: Indices) -> "_Rolling":
+        """Some of the speeds and positions."""
+        return replace(self, speeds_kmh=self.speeds_kmh[rows], positions_m=self.positions_m[columns])
+
+
+def _low_passed(surface: Surface) -> tuple[FloatArray | None, FloatArray | None]:
+    if surface.low_passed_n is None:
+        return None, None
+    below_120hz, below_20hz = surface.low_passed_n
+    return below_120hz, below_20hz
+
+
+class _Limits:
+    """The limits that the decision hangs on, tightened by factors; the search looks at those that come into reach."""
+
+    def __init__(self, limits: AssessmentSettings, line_kmh: float) -> None:
+        self._limits = [limit for limit in limits.limits if decides(limit) and applies(limit, line_kmh)]
+        self._norm_rad = gradient_norm_rad(line_kmh, limits.gradient_norm)
+        self._factors = np.ones(len(self._limits))
+        self._watched = np.zeros(len(self._limits), dtype=bool)
+
+    def watch(self, excess: list[FloatArray]) -> None:
+        """Those limits that are exceeded or nearest to it, beside those that were before."""
+        worst = _worst(excess)
+        self._watched |= worst >= min(-_FAR, worst.max())
+
+    def tighten(self, excess: list[FloatArray], by_reference: list[FloatArray]) -> None:
+        """So that the reference keeps limits that it exceeds, if it goes on differing as it does."""
+        exact = 1 + _worst(by_reference)
+        factors = np.where(exact > 1, (1 + _worst(excess)) / exact, 1.0)
+        self._factors = np.minimum(self._factors, factors)
+        self.watch(by_reference)
+
+    def tightened(self, excess: list[FloatArray]) -> list[FloatArray]:
+        """What the tightened limits are exceeded by."""
+        return [(1 + e) / factor - 1 for e, factor in zip(excess, self._factors, strict=True)]
+
+    def constraints(self, profiles: Sequence[Profile], rolling: _Rolling) -> FloatArray:
+        """(n_profile, n_constraint), for the search."""
+        watched = [(self._limits[i], self._factors[i] * (1 - _SPARE)) for i in np.flatnonzero(self._watched)]
+        low_passed = any(limit.name in _LOW_PASSED for limit, _ in watched)
+        return np.array(
+            [
+                np.concatenate(
+                    [(1 + self._excess(limit, profile, passages).ravel()) / factor - 1 for limit, factor in watched]
+                )
+                for profile, passages in zip(profiles, rolling.over(profiles, low_passed=low_passed), strict=True)
+            ]
+        )
+
+    def excess(self, profile: Profile, passages: Passages) -> list[FloatArray]:
+        """What each limit itself is exceeded by: in each passage, or (1,) of the geometry's."""
+        return [self._excess(limit, profile, passages) for limit in self._limits]
+
+    def _excess(self, limit: Limit, profile: Profile, passages: Passages) -> FloatArray:
+        if limit.name == "contact_loss" and limit.limit <= 0:
+            # Contact is lost or it is not: how near a passage is to it, the least force says.
+            return _KEPT - passages.min_n / passages.static_n + passages.contact_loss_s / _LOST_S
+        values = self._values(limit.name, profile, passages)
+        return values / limit.limit - 1 if limit.limit > 0 else values - limit.limit
+
+    def _values(self, name: str, profile: Profile, passages: Passages) -> FloatArray:
+        if name == "straightedge":
+            return np.array([straightedge_gap(*profile)])
+        if name == "quality_index":
+            return np.array([largest_gradient(*profile) / self._norm_rad])
+        values = FORCE_CRITERIA[name](passages)
+        assert values is not None, "all forces are computed"  # noqa: S101
+        return values
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A removal, what it leaves the limits exceeded by, and what came of rolling it over again on the exact track."""
+
+    removal: Removal
+    excess: float
+    checked: int = 0
+    within: int = 0
+    peak_n: float | None = None
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the reference says the same."""
+        return self.within == self.checked
+
+
+def _preference(found: _Found) -> tuple[float, float, float]:
+    """Falls the better it is: within limits, within them by the reference too, little removed."""
+    disputed = 1 - found.within / found.checked if found.checked else 1.0
+    return max(found.excess, 0.0), disputed, found.removal.removed_m2
+
+
+class Adviser:
+    """Advice for many welds under the same settings and limits; making one loads the track's fit."""
+
+    def __init__(
+        self,
+        settings: SimulationSettings,
+        limits: AssessmentSettings,
+        grinder: Grinder | None = None,
+        *,
+        on_fit: Callable[[str], None] | None = None,
+    ) -> None:
+        """The search is by a fast engine, `common-poles` in place of `reference`; nothing is drawn at random.
+
+        Raises:
+            InputError: settings that this version cannot simulate.
+        """
+        self._settings, self._limits, self._grinder = settings, limits, grinder or Grinder()
+        self._simulator = Simulator(_fast(settings), on_fit=on_fit)
+        track = track_file.parse(settings.track_definition, settings.track).track
+        self._reference = GreenRig(track, self._simulator.rig.wheel)
+
+    def advise(self, profile: WeldProfile, *, on_step: Callable[[], None] = lambda: None) -> GrindingAdvice:
+        """The least removal that brings a weld within its limits at all speeds and positions that count.
+
+        Args:
+            profile: the weld.
+            on_step: called after each step of the search.
+
+        Raises:
+            InputError: the grinder reaches no place on the profile, or no limit can be applied.
+            NumericalError: a passage did not stay finite.
+        """
+        began = time.perf_counter()
+        map_before = self._simulator.force_map(profile)
+        before, judged = judge(map_before, self._limits), judged_part(map_before)
+        found = _Found(self._nothing(profile), 0.0) if _within(before) else self._search(profile, judged, on_step)
+        # What does not help is not advised, however near it comes.
+        removal = found.removal if found.excess <= 0 else self._nothing(profile)
+        map_after = _as_finely_measured(self._simulator.force_map(_ground(profile, removal)), map_before)
+        after = judge(map_after, self._limits)
+        return GrindingAdvice(
+            weld_id=profile.weld_id,
+            profile_sha256=profile.profile_sha256,
+            config_sha256=self._settings.config_sha256,
+            limits_sha256=self._limits.limits_sha256,
+            software=SOFTWARE,
+            reached=_within(after) and found.confirmed,
+            reason=_reason(before, found, self._grinder),
+            x_m=removal.x_m.tolist(),
+            z_m=removal.z_m.tolist(),
+            removal_m=removal.removal_m.tolist(),
+            most_removed_m=float(removal.removal_m.max()),
+            removed_m2=removal.removed_m2,
+            band_limit_m=self._grinder.band_limit_m,
+            stone_radius_m=self._grinder.stone_radius_m,
+            decision_before=before.decision,
+            decision_after=after.decision,
+            before=before.criteria,
+            after=after.criteria,
+            speeds_kmh=judged.speeds_kmh.tolist(),
+            peak_before_n=judged.passages.peak_n.max(axis=1).tolist(),
+            peak_after_n=judged_part(map_after).passages.peak_n.max(axis=1).tolist(),
+            reference_checked=found.checked,
+            reference_within=found.within,
+            reference_peak_n=UNSET if found.peak_n is None else found.peak_n,
+            elapsed_s=time.perf_counter() - began,
+        )
+
+    def _nothing(self, profile: WeldProfile) -> Removal:
+        x, z = np.array(profile.x_m), np.array(profile.z_m)
+        return least_removal(x, z, lambda profiles: np.full((len(profiles), 1), -1.0), self._grinder)
+
+    def _search(self, profile: WeldProfile, judged: Judged, on_step: Callable[[], None]) -> _Found:
+        """Search, look where else limits are exceeded, ask the reference, until what was found stands both."""
+        limits, x, z = _Limits(self._limits, judged.line_kmh), np.array(profile.x_m), np.array(profile.z_m)
+        fully = _Rolling(self._simulator.rig, judged.speeds_kmh, judged.positions_m)
+        excess = limits.excess((x, z), judged.passages)
+        limits.watch(excess)
+        looked_at = _added(_spread(fully), _worst_axes(excess))
+        best, begin, checks = _Found(self._nothing(profile), _worst(excess).max()), None, 0
+        for _ in range(MOST_ROUNDS):
+            removal = least_removal(
+                x, z, partial(limits.constraints, rolling=fully.at(*looked_at)), self._grinder, begin=begin,
+                on_step=on_step,
+            )  # fmt: skip
+            begin = removal = replace(removal, removal_m=np.round(removal.removal_m, _DECIMALS))
+            ground = removal.x_m, removal.ground_m
+            excess = limits.excess(ground, fully.over([ground])[0])
+            found = _Found(removal, _worst(excess).max())
+            tightened = limits.tightened(excess)
+            if _worst(tightened).max() > 0:
+                best = min(best, found, key=_preference)
+                limits.watch(tightened)
+                looked_at = _added(looked_at, _worst_axes(tightened))
+                if removal.reached:
+                    continue
+                break
+            found, by_reference = self._checked(found, limits, fully, excess)
+            best, checks = min(best, found, key=_preference), checks + 1
+            if found.confirmed or checks == MOST_CHECKS:
+                break
+            limits.tighten(excess, by_reference)
+        return best
+
+    def _checked(
+        self, found: _Found, limits: _Limits, fully: _Rolling, excess: list[FloatArray]
+    ) -> tuple[_Found, list[FloatArray]]:
+        """The most critical passages by the reference, and what they exceed each limit by."""
+        critical = replace(fully.at(*_critical(fully, _by_passage(excess))), rig=self._reference)
+        ground = found.removal.x_m, found.removal.ground_m
+        passages = critical.over([ground])[0]
+        by_reference = limits.excess(ground, passages)
+        within = _by_passage(by_reference) <= 0
+        checked = replace(
+            found, checked=within.size, within=int(within.sum()), peak_n=float(passages.peak_n.max())
+        )  # fmt: skip
+        return checked, by_reference
+
+
+def advise(
+    profile: WeldProfile,
+    settings: SimulationSettings,
+    limits: AssessmentSettings,
+    grinder: Grinder | None = None,
+    *,
+    on_step: Callable[[], None] = lambda: None,
+) -> GrindingAdvice:
+    """Advice for one weld: see `Adviser`."""
+    return Adviser(settings, limits, grinder).advise(profile, on_step=on_step)
+
+
+def _fast(settings: SimulationSettings) -> SimulationSettings:
+    engine = "common-poles" if settings.engine == "reference" else settings.engine
+    fast = changed(settings, engine=engine, uncertainty=UNSET)
+    return changed(fast, config_sha256=config_sha256(fast))
+
+
+def _spread(rolling: _Rolling) -> Axes:
+    """Some speeds and positions, evenly, the last of each among them."""
+    speeds, positions = len(rolling.speeds_kmh), len(rolling.positions_m)
+    rows = np.arange(speeds)[:: -max(1, -(-speeds // _SPEEDS))][::-1]
+    return rows, np.arange(positions)[:: -max(1, -(-positions // _POSITIONS))][::-1]
+
+
+def _added(axes: Axes, more: Axes) -> Axes:
+    return np.union1d(axes[0], more[0]), np.union1d(axes[1], more[1])
+
+
+def _worst_axes(excess: list[FloatArray]) -> Axes:
+    """The speeds and positions of the worst passages of two positions."""
+    by_passage = _by_passage(excess)
+    columns = np.argsort(-by_passage.max(axis=0), kind="stable")[:2]
+    return np.unique(by_passage[:, columns].argmax(axis=0)), columns
+
+
+def _worst(excess: list[FloatArray]) -> FloatArray:
+    """Of each limit, (n_limit,)."""
+    return np.array([e.max() for e in excess])
+
+
+def _by_passage(excess: list[FloatArray]) -> FloatArray:
+    """The worst limit of force in each passage, (n_speed, n_position)."""
+    worst: FloatArray = np.max([e for e in excess if e.ndim == 2], axis=0)
+    return worst
+
+
+def _critical(rolling: _Rolling, excess: FloatArray) -> Axes:
+    """The speeds with the worst passages, some way apart, and the worst positions at those."""
+    rows: list[int] = []
+    for row in np.argsort(-excess.max(axis=1), kind="stable").tolist():
+        if all(abs(rolling.speeds_kmh[row] - rolling.speeds_kmh[other]) >= _APART_KMH for other in rows):
+            rows.append(row)
+    rows = sorted(rows[:_REFERENCE_SPEEDS])
+    return np.array(rows), np.sort(np.argsort(-excess[rows].max(axis=0), kind="stable")[:_REFERENCE_POSITIONS])
+
+
+def _ground(profile: WeldProfile, removal: Removal) -> WeldProfile:
+    x, z = removal.x_m.tolist(), removal.ground_m.tolist()
+    return changed(profile, x_m=x, z_m=z, profile_sha256=profile_sha256(x, z))
+
+
+def _as_finely_measured(force_map: ForceMap, measured: ForceMap) -> ForceMap:
+    """With the distance of samples that were measured, not of those on the rail beside them."""
+    if not isinstance(force_map.measures, ProfileMeasures) or not isinstance(measured.measures, ProfileMeasures):
+        return force_map
+    return changed(force_map, measures=changed(force_map.measures, spacing_m=measured.measures.spacing_m))
+
+
+def _within(verdict: Verdict) -> bool:
+    return all(c.passed for c in verdict.criteria if c.decides)
+
+
+def _reason(before: Verdict, found: _Found, grinder: Grinder) -> str:
+    if _within(before):
+        return "within its limits: nothing to grind"
+    if found.excess > 0:
+        return f"replace: no removal up to {grinder.most_m * 1e3:g} mm that was tried brings it within its limits"
+    removal = found.removal
+    places = removal.x_m[removal.removal_m > min(_NOTABLE_M, removal.removal_m.max() / 2)]
+    took = (
+        f"up to {removal.removal_m.max() * 1e3:.2f} mm taken off between {places[0] * 100:.0f} and "
+        f"{places[-1] * 100:.0f} cm from the weld's centre"
+    )
+    reference = f"{found.within} of {found.checked} passages by the reference engine are"
+    if not found.confirmed:
+        return f"replace: {took} bring it within its limits, but only {reference}"
+    return f"{took} bring it within its limits; {reference}"

@@ -1,0 +1,59 @@
+"""Attribute the spread of a value over samples to the uncertain quantities."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from weld_force_ros.messages import Spread
+from weld_force_ros.physics.arrays import FloatArray
+
+PLACE, SUPPORT, CONTACT, RADIUS = "place in the sleeper span", "support stiffness", "contact stiffness", "wheel radius"
+REST = "measurement noise"
+_GROUPS = 8  # of a continuous quantity, whose means are compared
+
+
+def influences(values: FloatArray, spread: Spread) -> Mapping[str, float]:
+    """Share of a value's variance that goes with each unknown quantity by itself; the rest is noise and interplay.
+
+    Correlation ratios (Pearson 1905), corrected for what chance alone would explain (Kelley, Proc. Natl. Acad. Sci. 21,
+    1935).
+
+    Args:
+        values: (n_sample, n_position), or (n_sample, 1).
+        spread: the samples' inputs.
+
+    Returns:
+        Nothing if the value does not vary.
+    """
+    total = float(np.var(values))
+    if total <= (1e-9 * float(np.abs(values).max(initial=0.0))) ** 2:
+        return {}
+    of_samples = values.mean(axis=1)
+    shares = {
+        PLACE: float(np.var(values.mean(axis=0))) / total,
+        **{
+            name: _explained(of_samples, np.array(inputs)) / total
+            for name, inputs in (
+                (SUPPORT, spread.support_factor),
+                (CONTACT, spread.hertz_factor),
+                (RADIUS, spread.wheel_radius_m),
+            )
+        },
+    }
+    return {**shares, REST: max(0.0, 1.0 - sum(shares.values()))}
+
+
+def _explained(values: FloatArray, factor: FloatArray) -> float:
+    """Variance of values (n,) that goes with a factor (n,)."""
+    levels = np.unique(factor)
+    if len(levels) > _GROUPS:
+        levels = np.quantile(factor, np.arange(_GROUPS) / _GROUPS)
+    group = np.searchsorted(levels, factor, side="right") - 1
+    count = np.bincount(group, minlength=len(levels))
+    means = np.bincount(group, values, minlength=len(levels)) / np.maximum(count, 1)
+    within = float(np.mean((values - means[group]) ** 2))
+    free = len(values) - int(np.count_nonzero(count))
+    if free <= 0:
+        return 0.0
+    total = float(np.var(values))
+    return max(0.0, total - within * (len(values) - 1) / free)

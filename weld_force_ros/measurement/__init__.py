@@ -1,0 +1,1 @@
+"""From what an instrument wrote to a `WeldProfile`, and measurements made up for trials."""

@@ -1,0 +1,1 @@
+"""What geometries, forces and force-speed curves say."""

@@ -1,0 +1,286 @@
+"""Moving Green's functions: the `reference` engine, slow and free of any fit.
+
+The rail's displacement under the wheel is the sum of its responses to all earlier contact forces, each followed along
+the moving contact: z(t) = integral of g(x(t), x(t'), t - t') f(t') dt', with g from the exact transfer receptances.
+Nothing is fitted and nothing assumed quasi-stationary; wheel, contact and trajectory are those of the other engines
+(after Nordborg, Acta Acustica 84 (1998) 854, and Pieringer, 2011, with which the paper validates itself).
+
+What the inverse transform needs, and how it is met:
+
+- Pulses. The force is linear within a step, so that each step's pulse is a triangle; its spectrum goes into the sum.
+- Band. Frequencies to `BAND_HZ`, the last fifth tapered. What lies above is the jump of the rail's velocity under a
+  force, 1 / (2 sqrt(shear stiffness x mass per length)): it is taken out of the sum as a decaying exponential and put
+  back exactly, as its missing tail would ring ahead of the pulse and take a tenth of the contact's compliance away.
+- Window. The sum repeats after `MEMORY_S`. On causal tracks it is evaluated at complex frequencies, which lets what
+  comes round again arrive a hundred times smaller (the exponential window method).
+- Rest. A constant load sees no loss: responses add up to the undamped static receptance. On hysteretic tracks the cut
+  (see below) would change that by a quarter; the difference is spread evenly over the window, where only the slowest
+  motion meets it.
+- Grid. A step is a whole fraction of the span, at most `STEP_S` and `STEP_M`. Responses are computed for pulses
+  `NODE_M` apart and interpolated between (cubic, never across a sleeper, where the rail's slope has a kink).
+- Causality. A loss factor answers before it is asked. On hysteretic tracks that part, some per cent of the energy, is
+  cut off at the pulse, as no model in time can keep it. A loss factor of the rail itself is treated alike, but is tiny.
+
+Convergence on `johansson-nielsen` (0.9 mm flat, cosine dip, rise and long dip, 40 to 300 km/h): `tests/core/
+test_reference.py` halves step and grid, widens band and window, and holds each to 0.3 % in every peak; the figures
+stand there.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from weld_force_ros.errors import NumericalError
+from weld_force_ros.physics.arrays import ComplexArray, FloatArray
+from weld_force_ros.physics.passage import _kernel, lowpass
+from weld_force_ros.physics.passage.passage import History, checked_axis, checked_speeds
+from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.wheel import Wheel
+from weld_force_ros.physics.passage.wheel_path import Trajectory
+from weld_force_ros.physics.track import beam
+from weld_force_ros.physics.track.beam import Track, Waves
+
+STEP_S = 25e-6
+STEP_M = 1.0e-3
+NODE_M = 0.01
+BAND_HZ = 6500.0
+MEMORY_S = 0.125
+LEAD_IN_S = 0.12
+RUN_OUT_S = 0.08
+_MOST_REMEMBERED = 8  # speeds, up to 5 MB each
+_WINDOW = 4.6  # ln 100
+_JUMP_DECAY_RAD_S = 2 * np.pi * 1000.0
+
+
+@dataclass(frozen=True)
+class _Responses:
+    """Responses along the moving contact, at one speed.
+
+    Attributes:
+        dt: step, s.
+        grid: steps a span.
+        rows: (n_node, n_lag), displacement under the contact, step by step after a unit pulse at the node, m/N.
+        nodes: (n_grid, 4), which rows make the response to a pulse at each grid point.
+        weights: (n_grid, 4), and how much of each.
+    """
+
+    dt: float
+    grid: int
+    rows: FloatArray
+    nodes: NDArray[np.int64]
+    weights: FloatArray
+
+
+@dataclass(frozen=True)
+class _Rolled:
+    """A passage in time steps, from the start of its window; `columns` is force, wheel, rail, positive down.
+
+    `force_n` (n,) begins earlier, at rest.
+    """
+
+    x_m: FloatArray
+    irregularity_m: FloatArray
+    columns: FloatArray
+    force_n: FloatArray
+
+
+class GreenRig:
+    """A wheel on the exact track: the same calls as `weld_force_ros.physics.passage.passage.Rig`, some thousand times slower."""
+
+    def __init__(self, track: Track, wheel: Wheel) -> None:
+        self.track = track
+        self.wheel = wheel
+        self._physics = np.array([wheel.mass_kg, wheel.static_load_n, wheel.hertz_n_per_m15])
+        self._remembered: dict[float, _Responses] = {}
+
+    def surface(
+        self,
+        trajectory: Trajectory,
+        speeds_kmh: ArrayLike,
+        positions_m: ArrayLike,
+        *,
+        low_passed: bool = False,
+        on_speed: Callable[[], None] = lambda: None,
+    ) -> Surface:
+        """As `Rig.surface`."""
+        return self.surfaces([trajectory], speeds_kmh, positions_m, low_passed=low_passed, on_speed=on_speed)[0]
+
+    def surfaces(
+        self,
+        trajectories: list[Trajectory],
+        speeds_kmh: ArrayLike,
+        positions_m: ArrayLike,
+        *,
+        low_passed: bool = False,
+        on_speed: Callable[[], None] = lambda: None,
+    ) -> list[Surface]:
+        """Surfaces of several welds, which share the responses of each speed; arguments and errors as `Rig.surface`."""
+        speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
+        filters = len(lowpass.CUTOFFS_HZ) if low_passed else 0
+        results = np.empty((len(trajectories), len(speeds), len(positions), 4 + filters))
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            for row, speed in enumerate(speeds):
+                responses = self._responses(speed, pool)
+
+                def peak(
+                    cell: tuple[int, int], responses: _Responses = responses, row: int = row, speed: float = speed
+                ) -> None:
+                    weld, column = cell
+                    rolled = self._over(responses, trajectories[weld], speed, positions[column])
+                    results[weld, row, column, :4] = _peak(rolled, responses.dt)
+                    if low_passed:
+                        results[weld, row, column, 4:] = _greatest_low_passed(rolled, responses.dt)
+
+                list(pool.map(peak, np.ndindex(len(trajectories), len(positions))))
+                on_speed()
+        if not np.all(np.isfinite(results)):
+            raise NumericalError("a passage did not stay finite; the reference cannot follow this track")
+        return [Surface.of(weld) for weld in results]
+
+    def history(self, trajectory: Trajectory, speed_kmh: float, position_m: float, *, until_m: float = 0.0) -> History:
+        """As `Rig.history`."""
+        speed, position = float(checked_speeds(speed_kmh)[0]), float(checked_axis("position", position_m)[0])
+        span = self.track.spacing_m
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            responses = self._responses(speed, pool)
+        last = max(position + trajectory.end_m + span, until_m)
+        rolled = self._roll(responses, trajectory, position, position + trajectory.start_m - span, last)
+        force, wheel, rail = rolled.columns.T
+        return History(rolled.x_m, force, -wheel, -rail, rolled.irregularity_m)
+
+    def _over(self, responses: _Responses, trajectory: Trajectory, speed_kmh: float, position_m: float) -> _Rolled:
+        first, last = position_m + trajectory.start_m, position_m + trajectory.end_m
+        last += max(self.track.spacing_m, RUN_OUT_S * speed_kmh / 3.6)
+        return self._roll(responses, trajectory, position_m, first, last)
+
+    def _roll(
+        self, responses: _Responses, trajectory: Trajectory, position_m: float, first_m: float, last_m: float
+    ) -> _Rolled:
+        step_m = self.track.spacing_m / responses.grid
+        memory, settling = responses.rows.shape[1], int(np.ceil(LEAD_IN_S / responses.dt))
+        first = int(np.floor(first_m / step_m))
+        begin = first - settling - memory
+        x = step_m * np.arange(begin, int(np.ceil(last_m / step_m)) + 1)
+        irregularity = trajectory.at(x - position_m)
+        columns = np.empty((len(x), 3))
+        _kernel.passage_by_convolution(
+            responses.rows, responses.nodes, responses.weights, begin, memory, -irregularity, self._physics,
+            responses.dt, columns,
+        )  # fmt: skip
+        shown = slice(settling + memory, None)
+        return _Rolled(x[shown], irregularity[shown], columns[shown], columns[:, 0])
+
+    def _responses(self, speed_kmh: float, pool: ThreadPoolExecutor) -> _Responses:
+        """Remembered: who checks one weld after the other does so at a few speeds."""
+        responses = self._remembered.get(speed_kmh)
+        if responses is None:
+            if len(self._remembered) >= _MOST_REMEMBERED:
+                self._remembered.clear()
+            responses = self._remembered[speed_kmh] = self._followed(speed_kmh, pool)
+        return responses
+
+    def _followed(self, speed_kmh: float, pool: ThreadPoolExecutor) -> _Responses:
+        span, speed = self.track.spacing_m, speed_kmh / 3.6
+        node_count = round(span / NODE_M)
+        every = max(1, int(np.ceil(span / node_count / min(speed * STEP_S, STEP_M))))
+        grid = node_count * every
+        dt = span / grid / speed
+        nodes = every * np.arange(1 if self.track.continuous else node_count)
+        lag = dt * np.arange(int(0.95 * MEMORY_S / dt))
+        spectrum = _Spectrum(self.track, dt)
+        at = span / grid * np.arange(grid)
+        tables = [
+            part for array in (spectrum.shape(at).transpose(1, 0, 2), spectrum.multiplier) for part in _parts(array)
+        ]
+        turn = _parts(np.exp(1j * spectrum.omega * dt))
+        strength = spectrum.pulse * spectrum.strength
+        behind = spectrum.shape(-at[nodes])
+        rows = np.empty((len(nodes), len(lag)))
+
+        def follow(n: int) -> None:
+            _kernel.moving_response(*_parts(strength * behind[:, n]), *tables, *turn, int(nodes[n]), rows[n])
+
+        list(pool.map(follow, range(len(nodes))))
+        in_band, exact = spectrum.jump(lag)
+        rows = (rows - in_band) * np.exp(spectrum.alpha * lag) + exact
+        if spectrum.alpha == 0.0:
+            short = np.mean(beam.static_compliance(self.track, at[nodes])) - np.mean(rows.sum(axis=1))
+            rows += short / len(lag)
+        return _Responses(dt, grid, rows, *_interpolation(grid, every, len(nodes)))
+
+
+class _Spectrum:
+    """The track's waves and the pulse's weight at every frequency of the sum, zero included."""
+
+    def __init__(self, track: Track, dt: float) -> None:
+        self.track, self.dt = track, dt
+        self.alpha = _WINDOW / MEMORY_S if track.causal else 0.0
+        moving = 2 * np.pi * np.arange(1, int(BAND_HZ * MEMORY_S) + 1) / MEMORY_S
+        self.omega = np.append(0.0, moving)
+        self._moving = beam.waves(track, moving - 1j * self.alpha)
+        self._resting = self._at_rest()
+        self.multiplier = np.concatenate([self._resting.multiplier, self._moving.multiplier], axis=1)
+        self.strength = np.concatenate([self._resting.strength, self._moving.strength], axis=1)
+        taper = np.clip((BAND_HZ - self.omega / (2 * np.pi)) / (0.2 * BAND_HZ), 0.0, 1.0)
+        sides = np.where(self.omega == 0.0, 1.0, 2.0)
+        triangle = np.sinc(self.omega * dt / (2 * np.pi)) ** 2
+        self.pulse = sides * dt / MEMORY_S * triangle * (0.5 - 0.5 * np.cos(np.pi * taper))
+
+    def shape(self, x_m: FloatArray) -> ComplexArray:
+        return np.concatenate([self._resting.shape(x_m), self._moving.shape(x_m)], axis=2)
+
+    def _at_rest(self) -> Waves:
+        if self.alpha == 0.0:
+            return beam.static_waves(self.track)
+        lossless_rail = replace(self.track, rail=replace(self.track.rail, loss_factor=0.0))
+        return beam.waves(lossless_rail, np.array([-1j * self.alpha]))
+
+    def jump(self, lag: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Response to the pulse of a / (i omega + b), a the rail's jump in velocity: as the sum has it, and exactly."""
+        a, b = beam.velocity_jump(self.track.rail), _JUMP_DECAY_RAD_S
+        terms = self.pulse * a / (1j * self.omega + self.alpha + b)
+        in_band = np.array([(np.exp(1j * self.omega * t) @ terms).real for t in lag])
+        z = b * self.dt
+        exact = 2 * a * np.exp(-b * lag) * (np.cosh(z) - 1) / (b * z)
+        exact[0] = a * (z - 1 + np.exp(-z)) / (b * z)  # the pulse's first half
+        return in_band, exact
+
+
+def _peak(rolled: _Rolled, dt: float) -> tuple[float, float, float, float]:
+    """Peak force, its place, least force and contact loss."""
+    force = rolled.columns[:, 0]
+    n = int(np.argmax(force[1:-1])) + 1
+    before, top, after = force[n - 1 : n + 2]
+    curvature = before - 2 * top + after
+    offset = 0.5 * (before - after) / curvature if curvature < 0 else 0.0
+    place = rolled.x_m[n] + offset * (rolled.x_m[1] - rolled.x_m[0])
+    loss = float(np.count_nonzero(force == 0.0) * dt)
+    return float(top - 0.25 * (before - after) * offset), float(place), float(force.min()), loss
+
+
+def _greatest_low_passed(rolled: _Rolled, dt: float) -> FloatArray:
+    """(n_filter,)."""
+    return np.asarray(lowpass.low_passed(rolled.force_n, dt)[:, -len(rolled.x_m) :].max(axis=1))
+
+
+def _parts(values: ComplexArray) -> tuple[FloatArray, FloatArray]:
+    return np.ascontiguousarray(values.real), np.ascontiguousarray(values.imag)
+
+
+def _interpolation(grid: int, every: int, node_count: int) -> tuple[NDArray[np.int64], FloatArray]:
+    """Four nodes and their Lagrange weights for each grid point, all of the point's own span."""
+    if node_count == 1:
+        return np.zeros((grid, 1), dtype=np.int64), np.ones((grid, 1))
+    place = np.arange(grid) / every
+    first = np.clip(np.floor(place).astype(np.int64) - 1, 0, node_count - 3)
+    nodes = first[:, None] + np.arange(4)
+    weights = np.ones((grid, 4))
+    for i in range(4):
+        for j in range(4):
+            if i != j:
+                weights[:, i] *= (place - nodes[:, j]) / (nodes[:, i] - nodes[:, j])
+    return nodes % node_count, weights

@@ -1,0 +1,155 @@
+"""The contact force through low-pass filters: what of an impact reaches wheel and track as a whole.
+
+Causal Butterworth filters of the fourth order, 24 dB an octave: at 120 Hz, which leaves the P2-type force, and at
+20 Hz, as EN 14363 has forces filtered. A filter is pairs of poles, as the track is,
+
+    H(s) = w^4 / prod(s - p_k) = sum of r_k / (s - p_k),
+
+and steps as `weld_force_ros.physics.passage.state_space` does: without its newest force and scaled by E b + a, a state is
+u[n+1] = E u[n] + f[n], and y[n] = Re(C u[n]) + g f[n] with C = 2 r (E b + a) and g = Re(sum of 2 r b). Its f is the
+force's departure from the smooth rail's; what the smooth rail leaves of itself is periodic, known, and added.
+
+A filter above the wheelset's resonance on the track lets the weld's echo pass: for it a passage goes on until the echo
+can no longer exceed what was seen (`weld_force_ros.physics.passage._kernel`). Below, the echo is swift, and all that the filter
+will still notice of it is in the wheel: M v' = -f for departures from smooth rail, so that the rest of f amounts to an
+impulse M v with the moment -M w about the end. A state q = (E b + a) u + b f goes on as (q + M (v + p w)) e^(p t), and
+the greatest may come then, after the passage.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfilt, sosfilt_zi
+
+from weld_force_ros.physics.arrays import ComplexArray, FloatArray
+from weld_force_ros.physics.passage.state_space import first_order_hold
+from weld_force_ros.physics.passage.steady_state import Rolling
+
+WHEELSET_HZ = 57.0  # its lowest resonance on the track
+BETWEEN_RESONANCES_HZ = 120.0  # that one and the next, some 250 Hz
+CUTOFFS_HZ = (BETWEEN_RESONANCES_HZ, 20.0)
+ORDER = 4
+_LATER = 16  # times at which to look after a passage
+_FADING = 0.8  # of a cutoff's period: when the last of them is
+
+
+class LowPass(NamedTuple):
+    """Filters in the steps of some speeds; real and imaginary parts along an axis of their own.
+
+    Attributes:
+        decay: (n_speed, 2, n_filter, ORDER // 2), E.
+        shapes: (n_speed, 2, n_filter, ORDER // 2), C.
+        gains: (n_speed, n_filter), g.
+        smooth_n: (n_speed, n_filter, n_grid), low-passed force on smooth rail at every step of the span.
+        smooth_greatest_n: (n_speed, n_filter), of it.
+        floors_n: (n_speed, n_filter), the level that an echo still rises from, for filters that let it pass: greatest
+            on smooth rail; minus infinity for slow filters, which no passage goes on for.
+        smooth_wheel: (n_speed, n_grid, 3), as `Rolling`.
+        later: (n_speed, ORDER n_filter + 3, n_filter, n_time), departure after a passage per state u, then per
+            displacement, velocity and force of the wheel; zero where the passage itself goes on for the filter.
+        steps: (n_speed, n_filter, n_time), when that is, in steps after the end.
+    """
+
+    decay: FloatArray
+    shapes: FloatArray
+    gains: FloatArray
+    smooth_n: FloatArray
+    smooth_greatest_n: FloatArray
+    floors_n: FloatArray
+    smooth_wheel: FloatArray
+    later: FloatArray
+    steps: NDArray[np.int64]
+
+
+def low_pass(rollings: Sequence[Rolling], mass_kg: float, cutoffs_hz: tuple[float, ...]) -> LowPass:
+    """Filters for a wheel of `mass_kg` at several speeds of one stride."""
+    dt = np.array([rolling.dt_s for rolling in rollings])[:, None, None]
+    poles, residues = _modes(cutoffs_hz)
+    decay, old, new = first_order_hold(poles, dt)
+    turn = decay * new + old
+    shapes, gains = 2 * residues * turn, (2 * residues * new).real.sum(axis=2)
+    smooth_n = _periodic(decay, shapes, gains, np.stack([rolling.smooth_n for rolling in rollings]))
+    cutoffs = np.array(cutoffs_hz)[:, None]
+    steps = np.rint(_FADING / cutoffs * np.linspace(0.0, 1.0, _LATER) / dt).astype(np.int64)
+    slow = cutoffs < WHEELSET_HZ
+    swing = np.where(slow, 2 * residues, 0.0)[..., None] * np.exp(poles[..., None] * (steps * dt)[:, :, None])
+    return LowPass(
+        decay=_parts(decay),
+        shapes=_parts(shapes),
+        gains=gains,
+        smooth_n=smooth_n,
+        smooth_greatest_n=smooth_n.max(axis=2),
+        floors_n=np.where(slow[:, 0], -np.inf, smooth_n.max(axis=2)),
+        smooth_wheel=np.stack([rolling.smooth_wheel for rolling in rollings]),
+        later=np.concatenate([_of_states(turn, swing), _of_wheel(poles, new, mass_kg, swing)], axis=1),
+        steps=steps,
+    )
+
+
+def greatest(filters: LowPass, seen_n: FloatArray, ends: NDArray[np.int64], endings: FloatArray) -> FloatArray:
+    """Greatest low-passed force of passages, during them or later, and never less than on smooth rail.
+
+    Args:
+        filters: of all speeds.
+        seen_n: (n_speed, n_position, n_filter), greatest during the passage.
+        ends: (n_speed, n_position), step of the span at which it ended.
+        endings: (n_speed, n_position, ORDER n_filter + 3), states u and the wheel there.
+
+    Returns:
+        (n_speed, n_position, n_filter).
+    """
+    _, states, kinds, times = filters.later.shape
+    grid, speed = filters.smooth_n.shape[2], np.arange(len(ends))[:, None]
+    departure = endings.copy()
+    departure[..., -3:] -= filters.smooth_wheel[speed, ends]
+    later = (departure @ filters.later.reshape(-1, states, kinds * times)).reshape(*ends.shape, kinds, times)
+    at = (ends[:, :, None, None] + filters.steps[:, None]) % grid
+    later += filters.smooth_n[speed[:, :, None, None], np.arange(kinds)[:, None], at]
+    return np.asarray(np.maximum(np.maximum(seen_n, later.max(axis=3)), filters.smooth_greatest_n[:, None]))
+
+
+def low_passed(force_n: FloatArray, dt_s: float) -> FloatArray:
+    """A force history (n,) that begins at rest, through each filter: (n_filter, n)."""
+    sections = [butter(ORDER, cutoff, fs=1 / dt_s, output="sos") for cutoff in CUTOFFS_HZ]
+    return np.stack([sosfilt(sos, force_n, zi=force_n[0] * sosfilt_zi(sos))[0] for sos in sections])
+
+
+def _modes(cutoffs_hz: tuple[float, ...]) -> tuple[ComplexArray, ComplexArray]:
+    """Poles in the upper half plane and their residues, each (n_filter, ORDER // 2)."""
+    poles, residues = np.empty((2, len(cutoffs_hz), ORDER // 2), dtype=np.complex128)
+    for row, cutoff in enumerate(cutoffs_hz):
+        _, whole, gain = butter(ORDER, 2 * np.pi * cutoff, analog=True, output="zpk")
+        poles[row] = whole[whole.imag > 0]
+        residues[row] = [gain / np.prod((pole - whole)[whole != pole]) for pole in poles[row]]
+    return poles, residues
+
+
+def _periodic(decay: ComplexArray, shapes: ComplexArray, gains: FloatArray, force_n: FloatArray) -> FloatArray:
+    """Response (n_speed, n_filter, n_grid) to forces (n_speed, n_grid) that repeat: exactly, harmonic by harmonic."""
+    count = force_n.shape[1]
+    z = np.exp(2j * np.pi * np.arange(count // 2 + 1) / count)
+    harmonics = np.fft.rfft(force_n)[:, None]
+    pairs = shapes[..., None] / (z - decay[..., None]) + shapes.conj()[..., None] / (z - decay.conj()[..., None])
+    return np.fft.irfft((gains[..., None] + 0.5 * pairs.sum(axis=2)) * harmonics, count)
+
+
+def _of_states(turn: ComplexArray, swing: ComplexArray) -> FloatArray:
+    """Departure per state u, (n_speed, ORDER n_filter, n_filter, n_time); `swing` is 2 r e^(p t)."""
+    speeds, kinds, _, times = swing.shape
+    turned = turn[..., None] * swing
+    found = np.zeros((speeds, kinds, ORDER // 2, 2, kinds, times))
+    for kind in range(kinds):
+        found[:, kind, :, :, kind] = np.stack([turned[:, kind].real, -turned[:, kind].imag], axis=2)
+    return found.reshape(speeds, ORDER * kinds, kinds, times)
+
+
+def _of_wheel(poles: ComplexArray, new: ComplexArray, mass_kg: float, swing: ComplexArray) -> FloatArray:
+    """Departure per displacement, velocity and force of the wheel, (n_speed, 3, n_filter, n_time)."""
+    parts = [mass_kg * poles[..., None] * swing, mass_kg * swing, new[..., None] * swing]
+    return np.stack([part.real.sum(axis=2) for part in parts], axis=1)
+
+
+def _parts(values: ComplexArray) -> FloatArray:
+    return np.stack([values.real, values.imag], axis=1)

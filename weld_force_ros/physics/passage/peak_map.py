@@ -1,0 +1,154 @@
+"""The surface of peak forces over speed and position: many passages, side by side and on every core.
+
+A passage begins with long steps. A step is exact for a force that is linear within it, so that a twelfth of the force's
+largest second difference measures what the steps leave out; where that is over `TOLERANCE`, the passage is rolled again
+in steps short enough. A passage ends when the weld's echo has faded: when through a window behind the weld the force
+kept so close to the smooth rail's that it can no longer exceed what was seen before. Neither depends on the company
+that a passage is rolled in.
+"""
+
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from weld_force_ros.errors import NumericalError
+from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.passage.batch import Batch, approaches, make_batch
+from weld_force_ros.physics.passage.lowpass import CUTOFFS_HZ
+from weld_force_ros.physics.passage.steady_state import Roller
+from weld_force_ros.physics.passage.wheel_path import Trajectory
+
+TOLERANCE = 5e-4  # of the peak force
+_ESTIMATE = 1 / 12  # of the second difference: a linear force's mean distance from a parabola, over a step
+_TOGETHER = 128  # speeds whose tables are made before they roll
+_UNFILTERED = 4
+_WORKING = (4, 5)  # columns of `Batch.peaks` that are no result
+_MOST_REMEMBERED = 16  # batches: a map's and its curve's; up to 10 MB each, dense ones of short steps up to 200 MB
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Results over speed and position, each (n_speed, n_position).
+
+    `low_passed_n`, if asked for: (2, n_speed, n_position), greatest force through the filters of
+    `weld_force_ros.physics.passage.lowpass.CUTOFFS_HZ`.
+    """
+
+    peak_force_n: FloatArray
+    peak_x_m: FloatArray
+    min_force_n: FloatArray
+    contact_loss_s: FloatArray
+    low_passed_n: FloatArray | None = None
+
+    @classmethod
+    def of(cls, results: FloatArray) -> "Surface":
+        """From (n_speed, n_position, n_column): the fields in their order, each filter a column, or none."""
+        peak_n, peak_x_m, least_n, loss_s, *low_passed = np.moveaxis(results, 2, 0)
+        return cls(peak_n, peak_x_m, least_n, loss_s, np.stack(low_passed) if low_passed else None)
+
+
+class SurfaceRoller:
+    """Rolls passages over welds; what depends on the speed alone is remembered from weld to weld."""
+
+    def __init__(self, roller: Roller) -> None:
+        self._roller = roller
+        self._remembered: dict[tuple[int, bytes], Batch] = {}
+        self._remembering = threading.Lock()
+
+    def roll(
+        self,
+        trajectories: Sequence[Trajectory],
+        speeds_kmh: FloatArray,
+        positions_m: FloatArray,
+        threads: int,
+        on_speed: Callable[[], None] = lambda: None,
+        *,
+        low_passed: bool = False,
+        tolerance: float = TOLERANCE,
+    ) -> list[Surface]:
+        """See `weld_force_ros.physics.passage.passage.Rig.surface`; of several welds, which fill each other's lanes."""
+        order = np.argsort(speeds_kmh)  # neighbours roll together, as they take as long
+        cutoffs_hz = CUTOFFS_HZ if low_passed else ()
+        places = len(trajectories) * len(positions_m)
+        results = np.empty((len(speeds_kmh), places, _UNFILTERED + len(cutoffs_hz)))
+        with executor(threads) as pool:
+            for first in range(0, len(order), _TOGETHER):
+                rows = order[first : first + _TOGETHER]
+                results[rows] = self._roll_together(
+                    trajectories, speeds_kmh[rows], positions_m, cutoffs_hz, tolerance, on_speed, pool, threads
+                )
+        if not np.all(np.isfinite(results)):
+            raise NumericalError("a passage did not stay finite; the fit of this track cannot be used at that speed")
+        return [Surface.of(part) for part in np.split(results, len(trajectories), axis=1)]
+
+    def _roll_together(
+        self,
+        trajectories: Sequence[Trajectory],
+        speeds_kmh: FloatArray,
+        positions_m: FloatArray,
+        cutoffs_hz: tuple[float, ...],
+        tolerance: float,
+        on_speed: Callable[[], None],
+        pool: Executor,
+        threads: int,
+    ) -> FloatArray:
+        """(n_speed, n_place, 4 + n_filter), speeds increasing; each passage in the longest stride that serves it."""
+        coarsest = np.array([self._roller.coarsest_stride(speed) for speed in speeds_kmh])
+        wanted = np.repeat(coarsest[:, None], len(trajectories) * len(positions_m), axis=1)
+        results = np.empty((*wanted.shape, 6 + len(cutoffs_hz)))
+        while wanted.any():
+            stride = int(wanted.max())
+            able = coarsest >= stride  # the same speeds whatever is asked, so that their tables serve again
+            asked = wanted == stride
+            places = approaches(self._roller, trajectories, positions_m, stride)
+            batch = self._batch(stride, speeds_kmh[able], pool)
+            found = batch.peaks(places, asked[able], pool, threads, cutoffs_hz)[asked[able]]
+            found[:, 1] = (places.starts[np.nonzero(asked)[1]] + stride * found[:, 1]) * self._roller.grid_m
+            results[asked] = found
+            wanted[asked] = _finer(stride, found, tolerance)
+            done = asked.any(axis=1) & ~wanted.any(axis=1)
+            for _ in np.flatnonzero(done):
+                on_speed()
+        return np.delete(results, _WORKING, axis=2)
+
+    def _batch(self, stride: int, speeds_kmh: FloatArray, pool: Executor) -> Batch:
+        """A batch's tables, remembered: the next weld is likely to be rolled over at the same speeds."""
+        key = (stride, speeds_kmh.tobytes())
+        batch = self._remembered.get(key)
+        if batch is None:
+            batch = make_batch(self._roller, speeds_kmh, stride, pool)
+            with self._remembering:
+                if len(self._remembered) >= _MOST_REMEMBERED:
+                    self._remembered.clear()
+                self._remembered[key] = batch
+        return batch
+
+
+def executor(threads: int) -> Executor:
+    """That many threads; the calling one if it is to be one."""
+    return ThreadPoolExecutor(threads) if threads > 1 else _Here()
+
+
+class _Here(Executor):
+    """Everything at once, on the calling thread."""
+
+    def submit(self, work: Callable[..., Any], /, *arguments: Any, **named: Any) -> "Future[Any]":
+        future: Future[Any] = Future()
+        try:
+            future.set_result(work(*arguments, **named))
+        except Exception as error:  # for whoever asks for the result
+            future.set_exception(error)
+        return future
+
+
+def _finer(stride: int, results: FloatArray, tolerance: float) -> NDArray[np.int64]:
+    """The stride that results (..., 6) ask for, as the error goes with its square; 0 where they are good enough."""
+    excess = _ESTIMATE * results[..., 4] / (tolerance * results[..., 0])
+    good = ~(excess > 1) | (stride == 1)
+    halvings = np.ceil(0.5 * np.log2(np.where(good, 1.0, excess)))
+    return np.where(good, 0, np.maximum(1, stride // 2**halvings)).astype(np.int64)

@@ -1,0 +1,308 @@
+"""Fits on disk, looked up by the content that they depend on.
+
+First among the shipped ones, then in the user's cache folder; else a fit is made and kept there.
+"""
+
+import contextlib
+import hashlib
+from collections.abc import Callable
+from dataclasses import asdict
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal, overload
+
+import msgspec
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from weld_force_ros import __version__, _files
+from weld_force_ros.physics.engines import rational_search
+from weld_force_ros.physics.engines.common_poles import BAND_HZ, REPORT_BANDS, PoleModel, default_fit, relative_error
+from weld_force_ros.physics.engines.rational_fractions import RfpModel
+from weld_force_ros.physics.track.causality import acausal
+from weld_force_ros.simulation.track_file import TrackDefinition
+
+# Part of every fit's key: raise it when the fit of the same track would come out differently.
+FIT_VERSION = 2
+_LATER = ("pad_width_m",)
+"""Fields of a track that came later: left out where they say nothing, so that earlier keys hold."""
+
+FittedEngine = Literal["common-poles", "rfp"]
+
+_DATA = resources.files("weld_force_ros.data")
+
+
+class Fit(msgspec.Struct, kw_only=True, tag_field="engine"):
+    """A fit on disk: what it was made from, how well it came out, and what no fit could do better.
+
+    `*_by_band` follow `bands_hz` (pairs of ends): RMS of |fit - exact| / |exact + contact and wheel|, and the same for
+    the exact receptance cut at the impulse, mid-span.
+    """
+
+    key: str
+    track: str
+    software: str
+    order: int
+    spacing_m: float
+    error: float
+    bands_hz: list[float]
+    error_by_band: list[float]
+    acausal_energy_share: float
+    acausal_floor_by_band: list[float]
+
+    @property
+    def engine(self) -> str:
+        """The engine that uses it."""
+        return str(self.__struct_config__.tag)
+
+
+class PolesFit(Fit, kw_only=True, tag="common-poles"):
+    """Common poles; `residues_*` are row-major (section, pole)."""
+
+    section_m: list[float]
+    poles_re_rad_s: list[float]
+    poles_im_rad_s: list[float]
+    residues_re: list[float]
+    residues_im: list[float]
+
+    def model(self) -> PoleModel:
+        """The fitted track."""
+        shape = (len(self.section_m), len(self.poles_re_rad_s))
+        return PoleModel(
+            poles_rad_s=np.array(self.poles_re_rad_s) + 1j * np.array(self.poles_im_rad_s),
+            residues=(np.array(self.residues_re) + 1j * np.array(self.residues_im)).reshape(shape),
+            section_m=np.array(self.section_m),
+            spacing_m=self.spacing_m,
+        )
+
+
+class RfpFit(Fit, kw_only=True, tag="rfp"):
+    """Rational fractions; tables are row-major (section, coefficient) or (section, pole).
+
+    `front_*` are the objectives of all fits that the search found unbeaten, `knee` the chosen one among them, `plain_*`
+    those of the fit with weights 1 / |h|; `genes` are the chosen weights' logarithms and the tie's.
+    """
+
+    seed: int
+    generations: int
+    population: int
+    section_count: int
+    scale_rad_s: float
+    denominator: list[float]
+    numerator: list[float]
+    poles_re_rad_s: list[float]
+    poles_im_rad_s: list[float]
+    genes: list[float]
+    front_error: list[float]
+    front_variation: list[float]
+    knee: int
+    plain_error: float
+    plain_variation: float
+
+    def model(self) -> RfpModel:
+        """The fitted track."""
+        shape = (self.section_count, self.order)
+        return RfpModel(
+            denominator=np.array(self.denominator).reshape(shape),
+            numerator=np.array(self.numerator).reshape(shape),
+            spacing_m=self.spacing_m,
+            scale_rad_s=self.scale_rad_s,
+        )
+
+
+AnyFit = PolesFit | RfpFit
+
+
+class Search(msgspec.Struct, frozen=True):
+    """How the rational fractions of a track are searched for."""
+
+    degree: int = rational_search.DEGREE
+    section_count: int = rational_search.SECTIONS
+    seed: int = 1
+    generations: int = rational_search.GENERATIONS
+    population: int = rational_search.POPULATION
+
+
+class _Interrupted(msgspec.Struct):
+    """A search's state between two generations."""
+
+    key: str
+    generation: int
+    genes: list[list[float]]
+
+
+def key_of(definition: TrackDefinition, engine: FittedEngine = "common-poles", searched: Search | None = None) -> str:
+    """Identity of a fit: the numbers it depends on, not the text they came in."""
+    track = {name: value for name, value in asdict(definition.track).items() if name not in _LATER or value}
+    content = [FIT_VERSION, engine, track | {"name": ""}, asdict(definition.wheel)]
+    if engine == "rfp":
+        content.append(msgspec.to_builtins(searched or Search()))
+    return hashlib.sha256(msgspec.json.encode(content, order="sorted")).hexdigest()
+
+
+@overload
+def fitted(
+    definition: TrackDefinition, engine: Literal["common-poles"] = ..., *, on_fit: Callable[[str], None] | None = ...
+) -> PolesFit: ...
+
+
+@overload
+def fitted(
+    definition: TrackDefinition, engine: FittedEngine, *, on_fit: Callable[[str], None] | None = ...
+) -> AnyFit: ...
+
+
+def fitted(
+    definition: TrackDefinition,
+    engine: FittedEngine = "common-poles",
+    *,
+    on_fit: Callable[[str], None] | None = None,
+) -> AnyFit:
+    """The fit of a track: shipped, cached, or made now and cached.
+
+    Args:
+        definition: the track and its own wheel, by which errors are weighed.
+        engine: which kind of fit.
+        on_fit: told, in words, if the fit has to be made and how long that takes.
+    """
+    key = key_of(definition, engine)
+    shipped_file = _DATA / "fits" / f"{definition.track.name}.{engine}.json"
+    cached_file = _files.folder("fits") / f"{key}.json"
+    for file in (shipped_file, cached_file):
+        if (found := _read(file, key)) is not None:
+            return found
+    if on_fit:
+        how_long = "some minutes" if engine == "rfp" else "some seconds"
+        on_fit(f"fitting track {definition.track.name} for engine {engine}, once: {how_long}")
+    fit = make(definition, engine)
+    keep(fit)
+    return fit
+
+
+def keep(fit: AnyFit) -> None:
+    """Put a fit into the user's cache."""
+    with contextlib.suppress(OSError):  # a read-only home costs time at the next start, nothing else
+        write(fit, _files.folder("fits") / f"{fit.key}.json")
+
+
+def make(definition: TrackDefinition, engine: FittedEngine = "common-poles") -> AnyFit:
+    """Fit a track now.
+
+    Raises:
+        InputError: the search for rational fractions needs a package that is missing.
+        NumericalError: no usable fit was found.
+    """
+    return make_rfp(definition) if engine == "rfp" else make_poles(definition)
+
+
+def make_poles(definition: TrackDefinition) -> PolesFit:
+    """Fit common poles to a track."""
+    # Many small factorisations: a second BLAS thread makes them many times slower where another program computes.
+    with threadpool_limits(limits=1, user_api="blas"):
+        model = default_fit(definition.track, definition.wheel.compliance)
+    return PolesFit(
+        **_account(definition, key_of(definition), model),
+        section_m=model.section_m.tolist(),
+        poles_re_rad_s=model.poles_rad_s.real.tolist(),
+        poles_im_rad_s=model.poles_rad_s.imag.tolist(),
+        residues_re=model.residues.real.ravel().tolist(),
+        residues_im=model.residues.imag.ravel().tolist(),
+    )
+
+
+def make_rfp(
+    definition: TrackDefinition,
+    searched: Search | None = None,
+    *,
+    on_generation: Callable[[rational_search.Progress], None] | None = None,
+) -> RfpFit:
+    """Search rational fractions of a track; what an interrupted search had reached is taken up from the cache.
+
+    Raises:
+        InputError: a degree or section count out of range, or pymoo is missing.
+        NumericalError: no fit found that is stable and bounded.
+    """
+    how = searched or Search()
+    key = key_of(definition, "rfp", how)
+    task = rational_search.FitTask(
+        definition.track, definition.wheel, degree=how.degree, section_count=how.section_count
+    )
+    state_file = _files.folder("fits") / f"search-{key}.json"
+
+    def note(progress: rational_search.Progress) -> None:
+        now = progress.population
+        with contextlib.suppress(OSError):
+            _files.write_whole(msgspec.json.encode(_Interrupted(key, now.generation, now.genes.tolist())), state_file)
+        if on_generation:
+            on_generation(progress)
+
+    front = rational_search.search(
+        task,
+        seed=how.seed,
+        population=how.population,
+        generations=how.generations,
+        on_generation=note,
+        resume_from=_interrupted(state_file, key),
+    )
+    with contextlib.suppress(OSError):
+        state_file.unlink(missing_ok=True)
+    genes = front.genes[front.knee]
+    model = task.fit_at(genes)
+    poles = model.poles()
+    return RfpFit(
+        **_account(definition, key, model),
+        **{name: getattr(how, name) for name in ("seed", "generations", "population")},
+        section_count=len(model.denominator),
+        scale_rad_s=model.scale_rad_s,
+        denominator=model.denominator.ravel().tolist(),
+        numerator=model.numerator.ravel().tolist(),
+        poles_re_rad_s=poles.real.ravel().tolist(),
+        poles_im_rad_s=poles.imag.ravel().tolist(),
+        genes=genes.tolist(),
+        front_error=front.error.tolist(),
+        front_variation=front.variation.tolist(),
+        knee=front.knee,
+        plain_error=front.plain[0],
+        plain_variation=front.plain[1],
+    )
+
+
+def _interrupted(file: Path, key: str) -> rational_search.Population | None:
+    try:
+        state = msgspec.json.decode(file.read_bytes(), type=_Interrupted)
+    except (OSError, msgspec.DecodeError):
+        return None
+    return rational_search.Population(state.generation, np.array(state.genes)) if state.key == key else None
+
+
+def _account(definition: TrackDefinition, key: str, model: PoleModel | RfpModel) -> dict[str, Any]:
+    """What every fit says of itself."""
+    track, compliance = definition.track, definition.wheel.compliance
+    before = acausal(track, track.spacing_m / 2)
+    return {
+        "key": key,
+        "track": track.name,
+        "software": f"weld_force_ros {__version__}",
+        "order": model.order,
+        "spacing_m": model.spacing_m,
+        "error": relative_error(model, track, compliance, BAND_HZ),
+        "bands_hz": [end for band in REPORT_BANDS for end in band],
+        "error_by_band": [relative_error(model, track, compliance, band) for band in REPORT_BANDS],
+        "acausal_energy_share": before.energy_share,
+        "acausal_floor_by_band": [before.floor(compliance, band) for band in REPORT_BANDS],
+    }
+
+
+def write(fit: AnyFit, path: Path) -> None:
+    """Write a fit so that another process sees either the whole file or none."""
+    _files.write_whole(msgspec.json.format(msgspec.json.encode(fit), indent=0) + b"\n", path)
+
+
+def _read(file: resources.abc.Traversable, key: str) -> AnyFit | None:
+    """A fit file of that key, or None: a damaged cache entry is as good as none."""
+    try:
+        fit: AnyFit = msgspec.json.decode(file.read_bytes(), type=AnyFit)
+        fit.model()
+    except (OSError, ValueError):
+        return None
+    return fit if fit.key == key else None

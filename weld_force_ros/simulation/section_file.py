@@ -1,0 +1,156 @@
+"""Section files: YAML of the form of `data/sections/60E1.yaml`, a rail's cross-section by its published dimensions."""
+
+from functools import cache
+from importlib import resources
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from weld_force_ros import _yaml
+from weld_force_ros.errors import TrackError
+from weld_force_ros.messages import legible
+from weld_force_ros.physics.track.outline import Dimensions
+
+_DATA = resources.files("weld_force_ros.data") / "sections"
+
+_Mm = Annotated[float, Meta(gt=0, le=1000)]
+_Slope = Annotated[float, Meta(gt=0.1, le=1e4)]
+
+
+class _CrownArc(msgspec.Struct, forbid_unknown_fields=True):
+    radius_mm: _Mm
+    half_width_mm: _Mm | None = None
+
+
+class _Arc(msgspec.Struct, forbid_unknown_fields=True):
+    radius_mm: _Mm
+    turn_deg: Annotated[float, Meta(gt=0, lt=180)] | None = None
+
+
+_Arcs = Annotated[list[_Arc], Meta(min_length=1, max_length=5)]
+
+
+class _Prolonged(msgspec.Struct, forbid_unknown_fields=True):
+    height_at_axis_mm: _Mm
+    slope: _Slope
+
+
+class _Outer(msgspec.Struct, forbid_unknown_fields=True):
+    height_at_edge_mm: _Mm
+    slope: _Slope
+
+
+class _Head(msgspec.Struct, forbid_unknown_fields=True):
+    crown: Annotated[list[_CrownArc], Meta(min_length=1, max_length=6)]
+    side_slope: _Slope
+    corner: _Arcs
+    fishing: _Prolonged
+
+
+class _Web(msgspec.Struct, forbid_unknown_fields=True):
+    thickness_mm: _Mm
+    upper_fillet: _Arcs
+    lower_fillet: _Arcs
+
+
+class _Foot(msgspec.Struct, forbid_unknown_fields=True):
+    width_mm: _Mm
+    top: _Prolonged
+    joint: _Arcs
+    outer: _Outer
+    upper_corner: _Arcs
+    lower_corner: _Arcs
+
+
+class Standard(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """What the standard says of a section."""
+
+    mass_kg_per_m: float
+    area_cm2: float
+    centroid_mm: float
+    second_moment_cm4: float
+    lateral_second_moment_cm4: float
+
+
+class SectionFile(msgspec.Struct, forbid_unknown_fields=True):
+    """A section as its file states it."""
+
+    name: Annotated[str, Meta(min_length=1, max_length=60)]
+    description: str
+    source: str
+    height_mm: _Mm
+    head: _Head
+    web: _Web
+    foot: _Foot
+    standard: Standard
+
+
+class SectionDefinition(msgspec.Struct, frozen=True):
+    """A section and what its standard says of it."""
+
+    name: str
+    description: str
+    source: str
+    dimensions: Dimensions
+    standard: Standard
+
+
+def shipped() -> list[str]:
+    """Names of the sections that come with the package."""
+    return sorted(f.name.removesuffix(".yaml") for f in _DATA.iterdir() if f.name.endswith(".yaml"))
+
+
+@cache
+def load(name: str) -> SectionDefinition:
+    """A shipped section by name.
+
+    Raises:
+        TrackError: there is none of that name.
+    """
+    if name not in shipped():
+        raise TrackError(
+            f"rail section {name!r} is unknown", f"use {', '.join(shipped())}, or describe one in its place"
+        )
+    return parse((_DATA / f"{name}.yaml").read_bytes(), name)
+
+
+def parse(text: bytes, source: str) -> SectionDefinition:
+    """A section from the text of its file; `source` names it in errors.
+
+    Raises:
+        TrackError: not of the form of `data/sections/60E1.yaml`.
+    """
+    try:
+        return described(_yaml.decode(text, SectionFile))
+    except (msgspec.DecodeError, ValueError) as error:
+        raise TrackError(
+            f"rail section {source}: {legible(str(error))}", "write it after data/sections/60E1.yaml"
+        ) from None
+
+
+def described(file: SectionFile) -> SectionDefinition:
+    """A section from what its file says."""
+    head, web, foot = file.head, file.web, file.foot
+    fillets = (head.corner, web.upper_fillet, web.lower_fillet, foot.joint, foot.upper_corner, foot.lower_corner)
+    dimensions = Dimensions(
+        height_m=file.height_mm / 1e3,
+        crown=tuple((arc.radius_mm / 1e3, _metres(arc.half_width_mm)) for arc in head.crown),
+        side_slope=head.side_slope,
+        fishing=(head.fishing.height_at_axis_mm / 1e3, head.fishing.slope),
+        web_m=web.thickness_mm / 1e3,
+        foot_top=(foot.top.height_at_axis_mm / 1e3, foot.top.slope),
+        foot_edge=(foot.outer.height_at_edge_mm / 1e3, foot.outer.slope),
+        foot_width_m=foot.width_mm / 1e3,
+        fillets=tuple(tuple((arc.radius_mm / 1e3, _radians(arc.turn_deg)) for arc in arcs) for arcs in fillets),
+    )
+    return SectionDefinition(file.name, file.description, file.source, dimensions, file.standard)
+
+
+def _metres(mm: float | None) -> float | None:
+    return None if mm is None else mm / 1e3
+
+
+def _radians(degrees: float | None) -> float | None:
+    return None if degrees is None else float(np.radians(degrees))

@@ -1,0 +1,162 @@
+"""Complete and check the settings of a simulation."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+from typing import Any, cast, get_args
+
+import msgspec
+import numpy as np
+from msgspec import UNSET
+
+from weld_force_ros import _yaml
+from weld_force_ros.errors import InputError, MessageError
+from weld_force_ros.messages import (
+    Engine,
+    SimulationSettings,
+    Uncertainty,
+    config_sha256,
+    encode,
+    legible,
+)
+from weld_force_ros.simulation import track_file
+
+DEFAULT_SPEEDS = "20:300:5"
+DEFAULT_POSITIONS = "15"
+ENGINES: tuple[str, ...] = get_args(get_args(Engine)[0])
+
+
+def parse_speeds(text: str) -> list[float]:
+    """Speeds in km/h from `FIRST:LAST:STEP` (the last included) or a list `40,80`.
+
+    Raises:
+        InputError: not of that form, or not positive and increasing.
+    """
+    remedy = "write FIRST:LAST:STEP or a list such as 40,80, in km/h, increasing"
+    try:
+        if ":" in text:
+            first, last, step = (float(part) for part in text.split(":"))
+            if not step > 0 or not last >= first or (last - first) / step > 1e4:
+                raise ValueError
+            speeds = [first + i * step for i in range(int((last - first) / step + 1e-9) + 1)]
+        else:
+            speeds = [float(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(f"speeds {text!r} cannot be read", remedy) from None
+    if not all(np.isfinite(speeds)) or speeds[0] <= 0 or np.any(np.diff(speeds) <= 0):
+        raise InputError(f"speeds {text!r} are not positive and increasing", remedy)
+    return speeds
+
+
+def parse_positions(text: str) -> int | list[float]:
+    """Positions: one whole number N for N equal steps over a span, else metres after the sleeper, `0.15,0.30`.
+
+    Raises:
+        InputError: not of that form, or not increasing.
+    """
+    remedy = "write a whole number of steps over the span, or metres after the sleeper such as 0.15,0.30, increasing"
+    if text.strip().isdecimal():
+        count = int(text) if len(text) < 10 else 0
+        if not 1 <= count <= 1000:
+            raise InputError(f"positions {text!r}: 1 to 1000 steps can be computed", remedy)
+        return count
+    try:
+        positions = [float(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(f"positions {text!r} cannot be read", remedy) from None
+    if not all(np.isfinite(positions)) or np.any(np.diff(positions) <= 0):
+        raise InputError(f"positions {text!r} are not finite and increasing", remedy)
+    return positions
+
+
+def simulation_settings(
+    *,
+    track: str = "bilbao",
+    engine: str = "common-poles",
+    speeds_kmh: Sequence[float] | None = None,
+    positions: int | Sequence[float] = int(DEFAULT_POSITIONS),
+    wheel_mass_kg: float | None = None,
+    static_load_n: float | None = None,
+    wheel_radius_m: float | None = None,
+    hertz_n_per_m15: float | None = None,
+    uncertainty: Uncertainty | None = None,
+) -> SimulationSettings:
+    """Settings of a simulation, complete and checked; what is not given for the wheel is the track file's.
+
+    Args:
+        track: a shipped track's name or the path of a track file.
+        engine: how the track is represented in time.
+        speeds_kmh: increasing; default 20 to 300 in steps of 5.
+        positions: number of equal steps over the span, or metres after the sleeper.
+        wheel_mass_kg: half a wheelset.
+        static_load_n: static wheel load.
+        wheel_radius_m: rolling radius.
+        hertz_n_per_m15: Hertz constant.
+        uncertainty: what is drawn for verdicts with probabilities; none if not given.
+
+    Raises:
+        InputError: anything that cannot be simulated.
+    """
+    if engine not in ENGINES:
+        raise InputError(f"engine {engine!r} is not available", f"use {', '.join(ENGINES)}")
+    definition = track_file.load(track)
+    wheel = definition.wheel
+    given = {
+        "mass_kg": wheel_mass_kg,
+        "static_load_n": static_load_n,
+        "radius_m": wheel_radius_m,
+        "hertz_n_per_m15": hertz_n_per_m15,
+    }
+    for name, value in given.items():
+        if value is not None:
+            if not np.isfinite(value) or value <= 0:
+                raise InputError(f"wheel {name} is {value:g}", "give a positive number")
+            wheel = replace(wheel, **{name: float(value)})
+    spacing = definition.track.spacing_m
+    at = [i * spacing / positions for i in range(positions)] if isinstance(positions, int) else list(positions)
+    settings = SimulationSettings(
+        config_sha256="0" * 64,
+        track=definition.track.name,
+        track_definition=definition.text,
+        engine=cast(Engine, engine),
+        speeds_kmh=list(map(float, speeds_kmh)) if speeds_kmh is not None else parse_speeds(DEFAULT_SPEEDS),
+        positions_m=list(map(float, at)),
+        wheel_mass_kg=wheel.mass_kg,
+        static_load_n=wheel.static_load_n,
+        wheel_radius_m=wheel.radius_m,
+        hertz_n_per_m15=wheel.hertz_n_per_m15,
+        uncertainty=uncertainty or UNSET,
+    )
+    settings.config_sha256 = config_sha256(settings)
+    try:
+        encode(settings)
+    except MessageError as error:
+        raise InputError(error.reason, "check track, grid and wheel") from None
+    return settings
+
+
+def load_uncertainty(samples: int, path: Path | None = None) -> Uncertainty | None:
+    """What is not known, from a YAML file of the form of `data/uncertainty/default.yaml`, which is the default.
+
+    Args:
+        samples: how many are rolled, instead of the file's; 0: none.
+        path: of the file.
+
+    Raises:
+        InputError: not readable or not of that form.
+    """
+    if samples == 0:
+        return None
+    source = str(path or "data/uncertainty/default.yaml")
+    file = path or resources.files("weld_force_ros.data") / "uncertainty" / "default.yaml"
+    try:
+        stated = _yaml.decode(_yaml.read(file), dict[str, Any])
+        unknown = stated.keys() - set(Uncertainty.__struct_fields__)
+        if unknown:
+            raise ValueError(f"{', '.join(sorted(unknown))} is unknown")
+        return msgspec.convert({**stated, "samples": samples}, Uncertainty)
+    except (OSError, msgspec.DecodeError, ValueError) as error:
+        raise InputError(
+            f"uncertainty {source}: {legible(str(error))}", "write it after data/uncertainty/default.yaml"
+        ) from None
