@@ -22,7 +22,7 @@ bench: $(READY)
 	$(BIN)/weld-force bench
 
 bench-campaign: $(READY)
-	$(BIN)/python -m weld_force_ros.bench.campaign
+	$(BIN)/python -m benchmarks.campaign
 
 soak: $(READY)
 	$(BIN)/python -m tests.soak.malformed

@@ -17,10 +17,10 @@ class DataInEditable(Distribution):
         return bool(self.has_data_files())
 
 
-commands = ["weld-force = weld_force_ros.cli:main"]
+commands = ["weld-force = weld_force_ros.cli.main:main"]
 # colcon asks for one of these; pip builds a wheel, whose commands would all lie on the user's path.
 if {"install", "develop"} & set(sys.argv):
-    commands += [f"{node} = weld_force_ros.ros.run:{node}" for node in NODES]
+    commands += [f"{node} = weld_force_ros.ros.launcher:{node}" for node in NODES]
 
 setup(
     # These two in pyproject.toml would stop colcon: the setuptools of Ubuntu 24.04 takes no license as text, and colcon

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rosbags.highlevel import AnyReader
 
-from weld_force_ros import bag as bags
+from weld_force_ros import recording
 from weld_force_ros.messages import Rejection, WeldProfile, encode, profile_sha256
 
 EPOCH_NS = 1_700_000_000_000_000_000
@@ -12,24 +12,24 @@ EPOCH_NS = 1_700_000_000_000_000_000
 
 def record(directory: Path, messages: list[tuple[str, str, int]]) -> Path:
     """A closed bag of strings: (topic, text, log time after the epoch)."""
-    with bags.Recorder(directory) as recorder:
+    with recording.Recorder(directory) as recorder:
         write(recorder, messages)
     return directory
 
 
-def write(recorder: bags.Recorder, messages: list[tuple[str, str, int]]) -> None:
+def write(recorder: recording.Recorder, messages: list[tuple[str, str, int]]) -> None:
     for topic, text, time_ns in messages:
         recorder.write(
             topic,
-            bags.STRING,
-            bags.string_cdr(text),
+            recording.STRING,
+            recording.string_cdr(text),
             log_time_ns=EPOCH_NS + time_ns,
             publish_time_ns=EPOCH_NS + time_ns - 1,
         )
 
 
 def texts(path: Path) -> list[str]:
-    return [m.content.data for m in bags.open_bag(path).messages()]
+    return [m.content.data for m in recording.open_bag(path).messages()]
 
 
 def read_by_rosbags(directory: Path) -> list[tuple[str, int, object]]:

@@ -5,7 +5,8 @@ from functools import cache
 from msgspec.structs import replace
 from weld_force_ros.contract import UNSET
 
-from weld_force_ros.assessment.judge import SOFTWARE, assess
+from weld_force_ros import SOFTWARE
+from weld_force_ros.assessment.judge import assess
 from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.measurement.profile_file import find, read_profile
 from weld_force_ros.messages import (
@@ -16,7 +17,7 @@ from weld_force_ros.messages import (
     SimulationSettings,
     profile_sha256,
 )
-from weld_force_ros.report_page import Entry, Unusable, Weld
+from weld_force_ros.recording.weld_records import Entry, Unusable, Weld
 from weld_force_ros.simulation.settings import load_uncertainty, simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
 

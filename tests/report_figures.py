@@ -12,7 +12,11 @@ from playwright.sync_api import sync_playwright
 from weld_force_ros.assessment.judge import assess
 from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.measurement.profile_file import find, read_profile, shipped
-from weld_force_ros.report_page import Weld, detail, page, printing, row
+from weld_force_ros.recording.weld_records import Weld
+from weld_force_ros.report import pdf
+from weld_force_ros.report.html_page import page
+from weld_force_ros.report.table_row import row
+from weld_force_ros.report.weld_detail import detail
 from weld_force_ros.simulation.settings import load_uncertainty, simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
 
@@ -67,7 +71,7 @@ def loads(browser: Any, file: Path, how: dict[str, Any]) -> dict[str, float]:
 
 def main() -> None:
     """Print one JSON object; medians of several loads."""
-    path = printing.find_browser()
+    path = pdf.find_browser()
     if path is None:
         sys.exit("no Chromium was found on PATH")
     html = report()

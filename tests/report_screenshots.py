@@ -7,8 +7,8 @@ from typing import Any
 
 from playwright.sync_api import sync_playwright
 
-from weld_force_ros.cli import main as weld_force
-from weld_force_ros.report_page import printing
+from weld_force_ros.cli.main import main as weld_force
+from weld_force_ros.report import pdf
 
 ROOT = Path(__file__).parent.parent
 WELD = "weld-4-steep-ramp"
@@ -76,7 +76,7 @@ def shrink(png: Path) -> None:
 def main() -> None:
     """Write the pictures into a folder, docs by default."""
     out = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs"
-    path = printing.find_browser()
+    path = pdf.find_browser()
     if path is None:
         sys.exit("no Chromium was found on PATH")
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as started:

@@ -28,7 +28,7 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
 from soak.second_reader import check_bag
 
-from weld_force_ros import bag as bags
+from weld_force_ros import recording
 from weld_force_ros.errors import BagError
 
 ROS = get_typestore(Stores.ROS2_JAZZY)
@@ -84,32 +84,32 @@ def test_type_with_dependencies_is_decoded_by_both_readers(tmp_path):
         return (SHARE / package / "msg" / f"{kind}.msg").read_text()
 
     hashes = json.loads((SHARE / "geometry_msgs/msg/WrenchStamped.json").read_text())["type_hashes"]
-    definition = bags.MessageDefinition(
+    definition = recording.MessageDefinition(
         name=wrench_type,
         text="\n".join(
             [text("geometry_msgs/WrenchStamped"), *(f"{'=' * 80}\nMSG: {n}\n{text(n)}" for n in names)],
         ),
         type_hash=next(h["hash_string"] for h in hashes if h["type_name"] == wrench_type),
-        offered_qos_profiles=bags.offered_qos(depth=100),
+        offered_qos_profiles=recording.offered_qos(depth=100),
     )
     kinds = ROS.types
     vector = kinds["geometry_msgs/msg/Vector3"]
     header = kinds["std_msgs/msg/Header"](kinds["builtin_interfaces/msg/Time"](5, 6), "rail")
     wrench = kinds[wrench_type](header, kinds["geometry_msgs/msg/Wrench"](vector(0, 0, 123e3), vector(0, 0, 0)))
-    with bags.Recorder(tmp_path / "run") as recorder:
+    with recording.Recorder(tmp_path / "run") as recorder:
         cdr = bytes(ROS.serialize_cdr(wrench, wrench_type))
         recorder.write("/peak_force", definition, cdr, log_time_ns=7, publish_time_ns=6)
 
     (other,) = read_by_rosbags(tmp_path / "run")
     assert (other[2].wrench.force.z, other[2].header.frame_id) == (123e3, "rail")
-    (own,) = bags.open_bag(tmp_path / "run").messages()
+    (own,) = recording.open_bag(tmp_path / "run").messages()
     assert (own.content.wrench.force.z, own.content.header.stamp.nanosec) == (123e3, 6)
 
 
 def test_string_is_serialized_as_ros_does():
     for text in ("", "abc", "ü✓", "x" * 1001):
         expected = bytes(ROS.serialize_cdr(ROS.types["std_msgs/msg/String"](text), "std_msgs/msg/String"))
-        assert bags.string_cdr(text) == expected
+        assert recording.string_cdr(text) == expected
 
 
 @pytest.mark.parametrize("mode", [CompressionMode.NONE, CompressionMode.STORAGE])
@@ -119,9 +119,9 @@ def test_bag_of_another_writer_is_read(tmp_path, mode):
     with writer:
         connection = writer.add_connection("/chatter", "std_msgs/msg/String", typestore=ROS)
         for i in range(20):
-            writer.write(connection, i, bags.string_cdr(f"n{i}"))
+            writer.write(connection, i, recording.string_cdr(f"n{i}"))
     assert texts(tmp_path / "other") == [f"n{i}" for i in range(20)]
-    assert bags.open_bag(tmp_path / "other").damage is None
+    assert recording.open_bag(tmp_path / "other").damage is None
 
 
 @pytest.mark.parametrize("compression", list(CompressionType))
@@ -130,10 +130,10 @@ def test_every_compression_of_mcap_is_read(tmp_path, compression):
     with path.open("wb") as stream:
         writer = Writer(stream, chunk_size=1000, compression=compression)
         writer.start("ros2")
-        schema = writer.register_schema(bags.STRING.name, "ros2msg", b"string data")
+        schema = writer.register_schema(recording.STRING.name, "ros2msg", b"string data")
         channel = writer.register_channel("/n", "cdr", schema)
         for i in range(100):
-            writer.add_message(channel, i, bags.string_cdr(f"n{i}"), i)
+            writer.add_message(channel, i, recording.string_cdr(f"n{i}"), i)
         writer.finish()
     assert texts(path) == [f"n{i}" for i in range(100)]
 
@@ -154,14 +154,14 @@ def test_killed_process_loses_nothing_it_wrote(tmp_path):
     ended = subprocess.run([sys.executable, "-c", textwrap.dedent(program)], timeout=60, check=False)
     assert ended.returncode == -signal.SIGKILL
     assert texts(tmp_path / "run") == [str(i) for i in range(100)]
-    opened = bags.open_bag(tmp_path / "run")
+    opened = recording.open_bag(tmp_path / "run")
     assert (opened.truncated, opened.lost_bytes, opened.damage) == (True, 0, "run_0.mcap was not closed")
 
 
 def test_running_recording_is_readable_and_recoverable(tmp_path):
-    with bags.Recorder(tmp_path / "run") as recorder:
+    with recording.Recorder(tmp_path / "run") as recorder:
         write(recorder, numbered(30))
-        report = bags.recover(tmp_path / "run", tmp_path / "rescued")
+        report = recording.recover(tmp_path / "run", tmp_path / "rescued")
         write(recorder, [("/late", "after", 10**6)])
     assert (report.message_count, report.lossy, report.damage) == (30, False, "run_0.mcap was not closed")
     assert [m.data for _, _, m in read_by_rosbags(tmp_path / "rescued")] == [t for _, t, _ in numbered(30)]
@@ -173,7 +173,7 @@ def whole(tmp_path_factory) -> dict[str, bytes]:
     """The bytes of one recording, as a killed process leaves them and as closed (in more chunks than one)."""
     directory = tmp_path_factory.mktemp("whole") / "run"
     noise = random.Random(1)  # noqa: S311
-    with bags.Recorder(directory) as recorder:
+    with recording.Recorder(directory) as recorder:
         write(recorder, [("/n", f"{i} {noise.randbytes(40_000).hex()}", i) for i in range(40)])
         plain = recorder.path.read_bytes()
     return {"plain": plain, "closed": recorder.path.read_bytes()}
@@ -205,7 +205,7 @@ def test_cut_file_gives_what_stood_before_the_cut(tmp_path_factory, whole, form,
         assert len(content[:cut]) < len(content) / 2
     else:
         assert found == list(range(len(found)))
-        assert bags.open_bag(path).truncated
+        assert recording.open_bag(path).truncated
         # 80 kB a message, chunks of 1 MiB at half their size: no more than a record is missing.
         assert len(content[:cut]) - len(found) * len(content) / 40 < (82_000 if form == "plain" else 700_000)
     shutil.rmtree(path.parent)
@@ -223,7 +223,7 @@ def test_flipped_bytes_never_crash_or_reorder(tmp_path_factory, whole, form, dat
         content[place] ^= data.draw(st.integers(1, 255))
     path = tmp_path_factory.mktemp("flip") / "flip.mcap"
     path.write_bytes(content)
-    times, refusal = attempt(lambda: [m.log_time_ns for m in bags.open_bag(path).messages()])
+    times, refusal = attempt(lambda: [m.log_time_ns for m in recording.open_bag(path).messages()])
     assert times == sorted(times)
     assert len(times) <= 40
     _, undecodable = attempt(lambda: texts(path))
@@ -242,7 +242,7 @@ def test_damaged_chunk_costs_only_itself(tmp_path, whole):
 
     times = [(c.message_start_time - EPOCH_NS, c.message_end_time - EPOCH_NS) for c in chunks]
     assert first_words(path) == [i for i in range(40) if not times[1][0] <= i <= times[1][1]]
-    report = bags.recover(path, tmp_path / "rescued")
+    report = recording.recover(path, tmp_path / "rescued")
     assert report.lossy
     assert report.lost_bytes == chunks[1].compressed_size
     assert report.lost_messages == 40 - report.message_count > 0
@@ -250,29 +250,29 @@ def test_damaged_chunk_costs_only_itself(tmp_path, whole):
 
 def test_recovering_twice_changes_nothing(tmp_path, whole):
     (tmp_path / "cut.mcap").write_bytes(whole["plain"][:1_000_000])
-    first = bags.recover(tmp_path / "cut.mcap")
+    first = recording.recover(tmp_path / "cut.mcap")
     target = tmp_path / "cut-recovered"
     before = {p: p.read_bytes() for p in target.iterdir()}
-    again = bags.recover(tmp_path / "cut.mcap")
+    again = recording.recover(tmp_path / "cut.mcap")
     assert (first.lossy, first.already, again) == (True, False, dataclasses.replace(first, already=True))
     assert {p: p.read_bytes() for p in target.iterdir()} == before
-    clean = bags.recover(target, tmp_path / "clean")
+    clean = recording.recover(target, tmp_path / "clean")
     assert (clean.damage, clean.lossy, clean.message_count) == (None, False, first.message_count)
-    assert list(bags.open_bag(target).messages()) == list(bags.open_bag(tmp_path / "clean").messages())
+    assert list(recording.open_bag(target).messages()) == list(recording.open_bag(tmp_path / "clean").messages())
     assert check_bag(target) == {"/n": 1_000_000 // 80_050}
 
     record(tmp_path / "other", numbered(3))
     with pytest.raises(BagError, match="holds something else and is not overwritten"):
-        bags.recover(tmp_path / "cut.mcap", tmp_path / "other")
+        recording.recover(tmp_path / "cut.mcap", tmp_path / "other")
     assert texts(tmp_path / "other") == [text for _, text, _ in numbered(3)]
 
 
 def test_bad_file_does_not_keep_the_others_from_being_recovered(tmp_path):
     for number in range(3):
-        with bags.Recorder(tmp_path / "run") as recorder:
+        with recording.Recorder(tmp_path / "run") as recorder:
             write(recorder, [("/n", f"{number}.{i}", 100 * number + i) for i in range(10)])
     (tmp_path / "run" / "run_1.mcap").write_bytes(b"no recording at all")
-    report = bags.recover(tmp_path / "run")
+    report = recording.recover(tmp_path / "run")
     assert (report.message_count, report.lossy, report.lost_bytes, report.lost_messages) == (20, True, 19, 10)
     assert report.damage == "run_1.mcap is not an MCAP file"
     assert check_bag(tmp_path / "run-recovered") == {"/n": 20}
@@ -285,7 +285,7 @@ def test_bad_file_does_not_keep_the_others_from_being_recovered(tmp_path):
 @given(times=st.lists(st.integers(0, 20), max_size=40))
 def test_messages_come_in_log_order_and_equal_times_as_recorded(tmp_path_factory, times):
     directory = tmp_path_factory.mktemp("order") / "run"
-    recorder = bags.Recorder(directory)
+    recorder = recording.Recorder(directory)
     write(recorder, [("/n", f"{i}", t) for i, t in enumerate(times)])
     plain = shutil.copy(recorder.path, directory.with_name("plain.mcap"))
     recorder.close()
@@ -298,12 +298,12 @@ def test_messages_come_in_log_order_and_equal_times_as_recorded(tmp_path_factory
 
 def test_topics_can_be_chosen(tmp_path):
     directory = record(tmp_path / "run", [("/a", "1", 0), ("/b", "2", 1), ("/a", "3", 2)])
-    assert [m.content.data for m in bags.open_bag(directory).messages({"/a"})] == ["1", "3"]
+    assert [m.content.data for m in recording.open_bag(directory).messages({"/a"})] == ["1", "3"]
 
 
 def test_summary_says_what_a_recording_holds(tmp_path):
     directory = record(tmp_path / "run", [("/a", "1", 0), ("/b", "2", 1), ("/a", "3", 2 * 10**9)])
-    found = bags.summary(directory)
+    found = recording.summary(directory)
     assert (found.message_count, found.start_ns, found.duration_s) == (3, EPOCH_NS, 2.0)
     assert [(t.topic, t.type_name, t.message_count) for t in found.topics] == [
         ("/a", "std_msgs/msg/String", 2),
@@ -330,14 +330,14 @@ def test_split_bag_is_one_recording(tmp_path, metadata):
     assert texts(split) == ["0", "1", "2", "10"]
     if metadata:
         (split / "split_2.mcap").unlink()
-        assert (bags.summary(split).damage, texts(split)) == ("split_2.mcap is missing", ["0", "1", "10"])
+        assert (recording.summary(split).damage, texts(split)) == ("split_2.mcap is missing", ["0", "1", "10"])
 
 
 def test_file_that_metadata_does_not_know_is_read(tmp_path):
     directory = record(tmp_path / "run", numbered(3))
     shutil.copy(directory / "run_0.mcap", tmp_path / "kept.mcap")
     known = (directory / "metadata.yaml").read_text()
-    with bags.Recorder(directory) as recorder:
+    with recording.Recorder(directory) as recorder:
         write(recorder, [("/n", "after the crash", 10**6)])
     (directory / "metadata.yaml").write_text(known)
     (directory / "exported.mcap").write_bytes((tmp_path / "kept.mcap").read_bytes())  # of another series
@@ -349,14 +349,14 @@ def test_file_that_metadata_does_not_know_is_read(tmp_path):
 def test_files_that_overlap_in_time_are_merged_in_log_order(tmp_path_factory, files):
     directory = tmp_path_factory.mktemp("merge") / "run"
     for number, times in enumerate(files):
-        with bags.Recorder(directory) as recorder:
+        with recording.Recorder(directory) as recorder:
             write(recorder, [("/n", f"{number}.{i}", t) for i, t in enumerate(times)])
     written = [(t, f"{number}.{i}") for number, times in enumerate(files) for i, t in enumerate(times)]
     in_time = [text for _, text in sorted(written, key=lambda item: item[0])]
     assert texts(directory) == in_time
     # Each file was brought into log order when it was closed.
     of_files = [[text for text in in_time if text.startswith(f"{number}.")] for number in range(len(files))]
-    assert [r.content.data for r in bags.stored(directory)] == [text for file in of_files for text in file]
+    assert [r.content.data for r in recording.stored(directory)] == [text for file in of_files for text in file]
     shutil.rmtree(directory.parent)
 
 
@@ -364,12 +364,12 @@ def test_unreadable_file_of_several_is_damage_and_alone_it_is_refused(tmp_path):
     directory = record(tmp_path / "run", numbered(3))
     (directory / "run_1.mcap").write_bytes(bomb(HUGE, HUGE))
     (directory / "run_2.mcap").write_bytes(b"")
-    found = bags.open_bag(directory)
+    found = recording.open_bag(directory)
     assert found.damage == f"run_1.mcap: claims a record of {HUGE} bytes; run_2.mcap is empty"
     assert (found.lossy, found.tally.message_count) == (True, 3)
-    assert [r.content.data for r in bags.stored(directory)] == [text for _, text, _ in numbered(3)]
+    assert [r.content.data for r in recording.stored(directory)] == [text for _, text, _ in numbered(3)]
     with pytest.raises(BagError, match=f"claims a record of {HUGE} bytes"):
-        list(bags.stored(directory / "run_1.mcap"))
+        list(recording.stored(directory / "run_1.mcap"))
 
 
 def test_broken_metadata_does_not_hide_the_messages(tmp_path):
@@ -416,24 +416,24 @@ def test_unusable_file_is_refused_in_one_line(tmp_path, content, message):
     path = tmp_path / "x.mcap"
     path.write_bytes(content)
     with pytest.raises(BagError, match=message) as refused:
-        bags.open_bag(path)
+        recording.open_bag(path)
     assert "\n" not in str(refused.value)
     assert "x.mcap" in str(refused.value)
 
 
 def test_missing_recording_is_refused_in_one_line(tmp_path):
     with pytest.raises(BagError, match="does not exist"):
-        bags.open_bag(tmp_path / "nowhere")
+        recording.open_bag(tmp_path / "nowhere")
     with pytest.raises(BagError, match=r"holds no \.mcap file"):
-        bags.open_bag(tmp_path)
+        recording.open_bag(tmp_path)
 
 
 def test_undecodable_message_is_named_and_the_rest_readable(tmp_path):
-    with bags.Recorder(tmp_path / "run") as recorder:
+    with recording.Recorder(tmp_path / "run") as recorder:
         for time_ns, cdr in enumerate((b"", b"\x00\x01\x00\x00\x03\x00\x00\x00\xff\xfe\x00")):
-            recorder.write("/n", bags.STRING, cdr, log_time_ns=time_ns, publish_time_ns=0)
+            recorder.write("/n", recording.STRING, cdr, log_time_ns=time_ns, publish_time_ns=0)
         write(recorder, [("/n", "fine", 0)])
-    *broken, fine = bags.open_bag(tmp_path / "run").messages()
+    *broken, fine = recording.open_bag(tmp_path / "run").messages()
     for time_ns, message in enumerate(broken):
         with pytest.raises(BagError, match=f"/n at log time {time_ns} ns: "):
             message.content  # noqa: B018

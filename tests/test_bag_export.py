@@ -11,9 +11,8 @@ from bag_harness import EPOCH_NS, numbered, profile, record, rejection
 from mcap.reader import make_reader
 from soak.second_reader import check_bag, check_export
 
-from weld_force_ros import bag as bags
-from weld_force_ros import cli
-from weld_force_ros.bag import tables
+from weld_force_ros import recording
+from weld_force_ros.cli import main
 from weld_force_ros.errors import BagError, InputError
 from weld_force_ros.messages import (
     ForceMap,
@@ -26,6 +25,7 @@ from weld_force_ros.messages import (
     identity,
     measurement_id,
 )
+from weld_force_ros.recording import table_export
 
 DEMO = Path(__file__).parent.parent / "bags" / "demo"
 
@@ -40,7 +40,7 @@ def test_broken_message_stands_in_its_place_among_the_others(tmp_path):
             ("/rejection", rejection("too short", 4), 3),
         ],
     )
-    first, broken, last = bags.contract_messages(bags.open_bag(directory))
+    first, broken, last = recording.contract_messages(recording.open_bag(directory))
     assert isinstance(first.message, WeldProfile)
     assert (first.topic, first.log_time_ns) == ("/line_2/weld_profile", EPOCH_NS)
     assert isinstance(broken.message, BagError)
@@ -54,7 +54,7 @@ def test_export_validates_against_the_schemas_it_carries(tmp_path):
     sent = [("/weld_profile", profile(), 0), ("/rejection", with_unknown_field, 1), ("/rejection", "{}", 2)]
     directory = record(tmp_path / "run", sent)
     refused = []
-    report = bags.export_json(directory, tmp_path / "run.mcap", on_refused=refused.append)
+    report = recording.export_json(directory, tmp_path / "run.mcap", on_refused=refused.append)
     assert (report.message_count, report.refused_count) == (2, 1)
     assert [f"/rejection at log time {EPOCH_NS + 2} ns" in str(error) for error in refused] == [True]
     assert check_export(tmp_path / "run.mcap") == 2
@@ -71,12 +71,12 @@ def test_export_validates_against_the_schemas_it_carries(tmp_path):
 def test_export_of_nothing_leaves_no_file(tmp_path):
     directory = record(tmp_path / "run", numbered(3))
     with pytest.raises(BagError, match="holds no usable message of this suite"):
-        bags.export_json(directory, tmp_path / "run.mcap")
+        recording.export_json(directory, tmp_path / "run.mcap")
     assert [p.name for p in tmp_path.iterdir()] == ["run"]
 
 
 def test_export_of_the_demo_is_read_by_others(tmp_path):
-    report = bags.export_json(DEMO, tmp_path / "demo.mcap")
+    report = recording.export_json(DEMO, tmp_path / "demo.mcap")
     assert report.refused_count == 0
     assert check_export(tmp_path / "demo.mcap") == report.message_count > 20
 
@@ -87,13 +87,13 @@ def test_export_of_the_demo_is_read_by_others(tmp_path):
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("tables") / "demo"
-    report = bags.export_tables(DEMO, folder, ["csv", "parquet"])
+    report = recording.export_tables(DEMO, folder, ["csv", "parquet"])
     assert report.refused_count == 0
     return folder
 
 
 def demo_messages(kind: type[Message]) -> list:
-    return [m for _, m, _ in bags.contract_messages(bags.open_bag(DEMO)) if isinstance(m, kind)]
+    return [m for _, m, _ in recording.contract_messages(recording.open_bag(DEMO)) if isinstance(m, kind)]
 
 
 def csv_rows(path: Path) -> list[dict[str, str]]:
@@ -128,7 +128,7 @@ def test_tables_hold_what_was_recorded(exported):
     assert len(csv_rows(exported / "criteria.csv")) == sum(len(v.criteria) for v in demo_messages(Verdict))
 
 
-@pytest.mark.parametrize("table", [table.name for table in tables.TABLES])
+@pytest.mark.parametrize("table", [table.name for table in table_export.TABLES])
 def test_parquet_and_csv_say_the_same(exported, table):
     found = pyarrow.parquet.read_table(exported / f"{table}.parquet").to_pylist()
 
@@ -140,8 +140,8 @@ def test_parquet_and_csv_say_the_same(exported, table):
 
 
 def test_tables_are_written_in_parts_and_alike(exported, tmp_path, monkeypatch):
-    monkeypatch.setattr(tables, "ROWS_AT_ONCE", 100)
-    bags.export_tables(DEMO, tmp_path / "parts", ["parquet"])
+    monkeypatch.setattr(table_export, "ROWS_AT_ONCE", 100)
+    recording.export_tables(DEMO, tmp_path / "parts", ["parquet"])
     path = tmp_path / "parts" / "profile_samples.parquet"
     assert pyarrow.parquet.ParquetFile(path).num_row_groups > 1
     assert pyarrow.parquet.read_table(path) == pyarrow.parquet.read_table(exported / path.name)
@@ -150,7 +150,7 @@ def test_tables_are_written_in_parts_and_alike(exported, tmp_path, monkeypatch):
 def test_text_with_separators_comes_back_from_csv(tmp_path):
     reason = 'line 3: "1,2";\n=1+1 ✓'
     directory = record(tmp_path / "run", [("/left/rejection", rejection(reason), 5)])
-    bags.export_tables(directory, tmp_path / "tables")
+    recording.export_tables(directory, tmp_path / "tables")
     (row,) = csv_rows(tmp_path / "tables" / "rejections.csv")
     assert (row["reason"], row["topic"], row["log_time_ns"]) == (reason, "/left/rejection", str(EPOCH_NS + 5))
     assert (row["profile_id"], row["raw_truncated"]) == ("", "false")
@@ -159,16 +159,16 @@ def test_text_with_separators_comes_back_from_csv(tmp_path):
 def test_tables_need_a_new_folder_a_known_format_and_something_to_tell(tmp_path, monkeypatch):
     (tmp_path / "mine").mkdir()
     with pytest.raises(BagError, match="mine exists and is not overwritten"):
-        bags.export_tables(DEMO, tmp_path / "mine")
+        recording.export_tables(DEMO, tmp_path / "mine")
     with pytest.raises(InputError, match="format 'xlsx' is unknown; use csv or parquet"):
-        bags.export_tables(DEMO, tmp_path / "new", ["xlsx"])
+        recording.export_tables(DEMO, tmp_path / "new", ["xlsx"])
     with monkeypatch.context() as patch:
         patch.setitem(sys.modules, "pyarrow", None)
         patch.setitem(sys.modules, "pyarrow.parquet", None)
         with pytest.raises(InputError, match=r"need pyarrow; install .*weld_force_ros\[tables\]"):
-            bags.export_tables(DEMO, tmp_path / "new", ["parquet"])
+            recording.export_tables(DEMO, tmp_path / "new", ["parquet"])
     with pytest.raises(BagError, match="holds no usable message of this suite"):
-        bags.export_tables(record(tmp_path / "run", numbered(3)), tmp_path / "new")
+        recording.export_tables(record(tmp_path / "run", numbered(3)), tmp_path / "new")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["mine", "run"]
 
 
@@ -195,9 +195,9 @@ def test_outcomes_are_counted_by_measurement(tmp_path):
         ("/rejection", rejection("no profile at all"), 14),
         ("/rejection", "{", 15),
     ]
-    found = bags.outcomes(bags.open_bag(record(tmp_path / "run", sent)))
-    assert found == bags.Outcomes(measurements=4, verdicts=3, rejections=2, open=1, doubled=1)
-    assert bags.outcomes(bags.open_bag(record(tmp_path / "other", numbered(2)))) is None
+    found = recording.outcomes(recording.open_bag(record(tmp_path / "run", sent)))
+    assert found == recording.Outcomes(measurements=4, verdicts=3, rejections=2, open=1, doubled=1)
+    assert recording.outcomes(recording.open_bag(record(tmp_path / "other", numbered(2)))) is None
 
 
 def changed(text: str, **fields: str) -> WeldProfile:
@@ -208,7 +208,7 @@ def changed(text: str, **fields: str) -> WeldProfile:
 
 
 def run(capfd, *arguments: object) -> tuple[int, str, str]:
-    code = cli.main([str(argument) for argument in arguments])
+    code = main.main([str(argument) for argument in arguments])
     return code, *capfd.readouterr()
 
 
@@ -233,7 +233,7 @@ def test_recover_says_what_was_lost_and_says_the_same_again(tmp_path, capfd):
 def test_info_shows_files_state_and_outcomes(tmp_path, capfd):
     directory = tmp_path / "bag"
     shutil.copytree(DEMO, directory)
-    with bags.Recorder(directory):
+    with recording.Recorder(directory):
         code, out, said = run(capfd, "bag", "info", directory, "--json", "-")
     found = json.loads(out)
     assert code == 0

@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 from bag_harness import profile, record, rejection
 
-from weld_force_ros import bag as bags
+from weld_force_ros import recording
 from weld_force_ros.assessment.criteria import CRITERIA
-from weld_force_ros.bag.layout import layout
-from weld_force_ros.cli import main
+from weld_force_ros.cli.main import main
 from weld_force_ros.messages import TOPICS, json_schema
+from weld_force_ros.recording.foxglove_layout import layout
 
 TITLES = {"lichtblickPanelTitle", "foxglovePanelTitle"}
 
@@ -142,5 +142,5 @@ def test_export_has_a_layout_for_each_namespace_beside_it(capfd, tmp_path, topic
 
 def test_tables_have_no_layout(tmp_path):
     bag = record(tmp_path / "bag", [("/rejection", rejection("too short"), 0)])
-    assert bags.export_tables(bag, tmp_path / "tables").layouts == ()
+    assert recording.export_tables(bag, tmp_path / "tables").layouts == ()
     assert not list(Path(tmp_path / "tables").glob("*.json"))

@@ -19,17 +19,17 @@ import yaml
 from bag_harness import numbered, read_by_rosbags, record, texts, write
 from soak.second_reader import check_bag
 
-from weld_force_ros import bag as bags
-from weld_force_ros.bag import recorder as recording
-from weld_force_ros.bag.disk_space import DiskSpace
+from weld_force_ros import recording
 from weld_force_ros.errors import BagError, DiskFullError
+from weld_force_ros.recording import recorder as recorder_module
+from weld_force_ros.recording.disk_space import DiskSpace
 
 MB = 10**6
 SECOND_NS = 10**9
 
 
 def stored_texts(path: Path) -> list[str]:
-    return [r.content.data for r in bags.stored(path)]
+    return [r.content.data for r in recording.stored(path)]
 
 
 def listed(directory: Path) -> dict[str, int]:
@@ -53,7 +53,7 @@ def eventually(condition: Callable[[], bool], within_s: float = 20.0) -> None:
 
 
 def test_recording_is_split_by_size_and_metadata_is_true_at_each_split(tmp_path):
-    with bags.Recorder(tmp_path / "run", split_bytes=3000) as recorder:
+    with recording.Recorder(tmp_path / "run", split_bytes=3000) as recorder:
         for count in range(1, 101):
             write(recorder, numbered(count)[-1:])
             files = listed(tmp_path / "run")
@@ -62,14 +62,14 @@ def test_recording_is_split_by_size_and_metadata_is_true_at_each_split(tmp_path)
     assert len(files) > 3
     assert check_bag(tmp_path / "run") == {"/notes": 100}
     assert texts(tmp_path / "run") == [text for _, text, _ in numbered(100)]
-    found = bags.summary(tmp_path / "run")
+    found = recording.summary(tmp_path / "run")
     assert (found.damage, found.indexed) == (None, True)
     assert {file.name: file.message_count for file in found.files} == listed(tmp_path / "run")
 
 
 def test_recording_is_split_by_time(tmp_path):
     clock = Clock()
-    with clock.patched(), bags.Recorder(tmp_path / "run", split_s=60.0) as recorder:
+    with clock.patched(), recording.Recorder(tmp_path / "run", split_s=60.0) as recorder:
         for seconds in (500, 30, 29, 2, 30, 30):  # a file's time runs from its first message
             clock.pass_s(seconds)
             write(recorder, numbered(1))
@@ -78,7 +78,7 @@ def test_recording_is_split_by_time(tmp_path):
 
 def test_clock_set_back_begins_a_file_and_log_order_is_kept(tmp_path):
     times_s = [100, 101, 50, 51, 102]
-    with bags.Recorder(tmp_path / "run") as recorder:
+    with recording.Recorder(tmp_path / "run") as recorder:
         write(recorder, [("/n", str(t), t * SECOND_NS) for t in times_s])
     assert listed(tmp_path / "run") == {"run_0.mcap": 2, "run_1.mcap": 3}
     assert texts(tmp_path / "run") == ["50", "51", "100", "101", "102"]
@@ -86,7 +86,7 @@ def test_clock_set_back_begins_a_file_and_log_order_is_kept(tmp_path):
 
 
 def test_topic_that_waited_in_a_queue_is_no_clock_set_back(tmp_path):
-    with bags.Recorder(tmp_path / "run") as recorder:
+    with recording.Recorder(tmp_path / "run") as recorder:
         for t in range(100, 110):
             write(recorder, [("/verdict", f"v{t}", t * SECOND_NS), ("/force_map", f"m{t}", (t - 5) * SECOND_NS)])
     assert listed(tmp_path / "run") == {"run_0.mcap": 20}
@@ -98,7 +98,7 @@ def test_topic_that_waited_in_a_queue_is_no_clock_set_back(tmp_path):
 def test_recording_is_continued_in_a_new_file(tmp_path):
     directory = record(tmp_path / "run", numbered(10))
     before = (directory / "run_0.mcap").read_bytes()
-    with bags.Recorder(directory) as recorder:
+    with recording.Recorder(directory) as recorder:
         assert listed(directory) == {"run_0.mcap": 10, "run_1.mcap": 0}
         write(recorder, [("/later", "x", 10**6)])
     assert (directory / "run_0.mcap").read_bytes() == before
@@ -108,10 +108,10 @@ def test_recording_is_continued_in_a_new_file(tmp_path):
 
 def test_number_of_a_file_that_was_moved_away_is_not_used_again(tmp_path):
     directory = record(tmp_path / "run", numbered(1))
-    with bags.Recorder(directory) as recorder:
+    with recording.Recorder(directory) as recorder:
         write(recorder, numbered(1))
     (directory / "run_1.mcap").rename(tmp_path / "run_1.mcap")
-    with bags.Recorder(directory) as recorder:
+    with recording.Recorder(directory) as recorder:
         assert recorder.path.name == "run_2.mcap"
     assert listed(directory) == {"run_0.mcap": 1, "run_2.mcap": 0}
 
@@ -125,17 +125,17 @@ def test_something_else_is_not_written_to(tmp_path, there):
         path.mkdir()
         (path / "thesis.mcap").write_text("mine")
     with pytest.raises(BagError, match="exists and is not overwritten"):
-        bags.Recorder(path)
+        recording.Recorder(path)
     assert [p.read_text() for p in tmp_path.rglob("*") if p.is_file()] == ["mine"]
 
 
 def test_second_recorder_is_refused_while_the_first_runs(tmp_path):
-    with bags.Recorder(tmp_path / "run") as recorder:
+    with recording.Recorder(tmp_path / "run") as recorder:
         with pytest.raises(BagError, match="run is being recorded to already") as refused:
-            bags.Recorder(tmp_path / "run")
+            recording.Recorder(tmp_path / "run")
         assert "\n" not in str(refused.value)
         write(recorder, numbered(3))
-    with bags.Recorder(tmp_path / "run") as recorder:
+    with recording.Recorder(tmp_path / "run") as recorder:
         write(recorder, numbered(2))
     assert check_bag(tmp_path / "run") == {"/notes": 5}
 
@@ -144,7 +144,7 @@ def test_second_recorder_is_refused_while_the_first_runs(tmp_path):
 def test_file_of_a_killed_process_is_completed_and_the_damaged_original_kept(tmp_path, torn):
     directory = tmp_path / "run"
     directory.mkdir()
-    other = bags.Recorder(tmp_path / "other")
+    other = recording.Recorder(tmp_path / "other")
     write(other, numbered(20))
     left = other.path.read_bytes() + torn
     other.close()
@@ -153,7 +153,7 @@ def test_file_of_a_killed_process_is_completed_and_the_damaged_original_kept(tmp
     (directory / "run_2.mcap").write_bytes(b"garbage")
     (directory / "run_0.mcap.part").write_bytes(left[:100])
 
-    with bags.Recorder(directory) as recorder:
+    with recording.Recorder(directory) as recorder:
         write(recorder, [("/notes", "next", 10**6)])
     assert listed(directory) == {"run_0.mcap": 20, "run_1.mcap": 0, "run_2.mcap": 0, "run_3.mcap": 1}
     assert check_bag(directory) == {"/notes": 21}
@@ -194,10 +194,10 @@ def test_process_killed_at_random_moments_loses_nothing_it_wrote(tmp_path):
         # The message under way when the process was killed may be there too.
         assert there in (acknowledged, [*acknowledged, len(acknowledged)])
         acknowledged = there
-    report = bags.recover(directory)
+    report = recording.recover(directory)
     assert report.message_count == len(acknowledged)
     assert check_bag(tmp_path / "run-recovered") == {"/n": len(acknowledged)}
-    bags.Recorder(directory).close()
+    recording.Recorder(directory).close()
     assert check_bag(directory) == {"/n": len(acknowledged)}
 
 
@@ -207,7 +207,7 @@ def test_process_killed_at_random_moments_loses_nothing_it_wrote(tmp_path):
 def test_message_is_forced_to_the_disk_though_none_follows(tmp_path, monkeypatch):
     forced = threading.Event()
     sync = os.fdatasync
-    with bags.Recorder(tmp_path / "run") as recorder:
+    with recording.Recorder(tmp_path / "run") as recorder:
         monkeypatch.setattr(os, "fdatasync", lambda handle: (sync(handle), forced.set()))
         assert recorder.longest_unsynced_s == 0.0
         write(recorder, numbered(1))
@@ -224,7 +224,7 @@ def test_disk_that_fails_is_reported_by_the_next_write(tmp_path, monkeypatch):
         failed.set()
         raise OSError(errno.EIO, os.strerror(errno.EIO))
 
-    with bags.Recorder(tmp_path / "run") as recorder:
+    with recording.Recorder(tmp_path / "run") as recorder:
         write(recorder, numbered(1))
         with monkeypatch.context() as patch:
             patch.setattr(os, "fdatasync", fail)
@@ -245,7 +245,7 @@ def test_disk_that_fails_is_reported_by_the_next_write(tmp_path, monkeypatch):
 
 
 def test_folder_that_is_removed_is_an_error_and_no_silence(tmp_path):
-    recorder = bags.Recorder(tmp_path / "run")
+    recorder = recording.Recorder(tmp_path / "run")
     write(recorder, numbered(1))
     shutil.rmtree(tmp_path / "run")
     with pytest.raises(BagError, match="removed while it was written"):
@@ -269,7 +269,7 @@ def largest_file(size: int) -> Iterator[None]:
 
 
 def test_write_that_the_system_refuses_harms_no_other_message(tmp_path):
-    with bags.Recorder(tmp_path / "run") as recorder:
+    with recording.Recorder(tmp_path / "run") as recorder:
         write(recorder, numbered(5))
         with (
             largest_file(recorder.path.stat().st_size + 300),
@@ -278,17 +278,17 @@ def test_write_that_the_system_refuses_harms_no_other_message(tmp_path):
             write(recorder, [("/other", "y" * 1000, 6000)])
         assert "\n" not in str(refused.value)
         assert len(texts(tmp_path / "run")) == 5
-        assert bags.open_bag(recorder.path).lost_bytes == 0
+        assert recording.open_bag(recorder.path).lost_bytes == 0
         write(recorder, [("/other", "space again", 7000)])
     assert [m.data for _, _, m in read_by_rosbags(tmp_path / "run")][4:] == [numbered(5)[4][1], "space again"]
 
 
 def test_close_that_the_system_refuses_keeps_the_messages(tmp_path):
-    recorder = bags.Recorder(tmp_path / "run")
+    recorder = recording.Recorder(tmp_path / "run")
     write(recorder, numbered(5))
     with largest_file(recorder.path.stat().st_size + 10), pytest.raises(BagError, match="weld-force bag recover"):
         recorder.close()
-    assert bags.recover(tmp_path / "run").lossy is False
+    assert recording.recover(tmp_path / "run").lossy is False
     assert check_bag(tmp_path / "run-recovered") == {"/notes": 5}
 
 
@@ -297,19 +297,19 @@ def test_interrupted_compression_leaves_a_complete_bag(tmp_path, monkeypatch, re
     def refuse(*_: object) -> None:
         raise OSError(reason, os.strerror(reason))
 
-    recorder = bags.Recorder(tmp_path / "run")
+    recorder = recording.Recorder(tmp_path / "run")
     write(recorder, numbered(20))
     with monkeypatch.context() as patch:
-        patch.setattr("weld_force_ros.bag.compaction.write_whole", refuse)
+        patch.setattr("weld_force_ros.recording.compaction.write_whole", refuse)
         if reason == errno.EIO:
             with pytest.raises(BagError, match="its messages are kept"):
                 recorder.close()
         else:
             recorder.close()  # that it is not compressed yet is no harm
     assert check_bag(tmp_path / "run") == {"/notes": 20}
-    assert (bags.summary(tmp_path / "run").damage, bags.summary(tmp_path / "run").indexed) == (None, False)
-    bags.Recorder(tmp_path / "run").close()
-    assert bags.summary(tmp_path / "run").files[0].indexed
+    assert (recording.summary(tmp_path / "run").damage, recording.summary(tmp_path / "run").indexed) == (None, False)
+    recording.Recorder(tmp_path / "run").close()
+    assert recording.summary(tmp_path / "run").files[0].indexed
     assert check_bag(tmp_path / "run") == {"/notes": 20}
 
 
@@ -326,7 +326,7 @@ def free(monkeypatch) -> Callable[[int], None]:
 def test_disk_is_announced_before_it_is_full_and_recording_goes_on_in_a_new_file(tmp_path, free):
     free(10_000 * MB)
     now = Clock()
-    with now.patched(), bags.Recorder(tmp_path / "run", reserve_bytes=60 * MB) as recorder:
+    with now.patched(), recording.Recorder(tmp_path / "run", reserve_bytes=60 * MB) as recorder:
         write(recorder, numbered(3))
         assert (recorder.announcement, recorder.free_bytes) == (None, 10_000 * MB)
         free(312 * MB)
@@ -343,17 +343,17 @@ def test_disk_is_announced_before_it_is_full_and_recording_goes_on_in_a_new_file
         free(10_000 * MB)
         with pytest.raises(DiskFullError):  # it looks again only so often
             write(recorder, [("/lost", "not recorded", 0)])
-        now.pass_s(recording.LOOK_AGAIN_S)
+        now.pass_s(recorder_module.LOOK_AGAIN_S)
         write(recorder, numbered(5)[4:])
         assert recorder.announcement is None
     assert listed(tmp_path / "run") == {"run_0.mcap": 4, "run_1.mcap": 1}
     assert check_bag(tmp_path / "run") == {"/notes": 5}
-    assert bags.summary(tmp_path / "run").indexed
+    assert recording.summary(tmp_path / "run").indexed
 
 
 def test_recording_may_begin_on_a_full_disk(tmp_path, free):
     free(1 * MB)
-    with bags.Recorder(tmp_path / "run", reserve_bytes=2 * MB) as recorder:
+    with recording.Recorder(tmp_path / "run", reserve_bytes=2 * MB) as recorder:
         with pytest.raises(DiskFullError):
             write(recorder, numbered(1))
         assert "disk full" in recorder.announcement
@@ -383,7 +383,7 @@ class Clock:
 
 def test_time_left_is_told_from_the_rate(tmp_path, free, monkeypatch):
     clock = Clock()
-    monkeypatch.setattr("weld_force_ros.bag.disk_space.time", clock)
+    monkeypatch.setattr("weld_force_ros.recording.disk_space.time", clock)
     free(4_000 * MB)
     space = DiskSpace(tmp_path, reserve_bytes=400 * MB)
     for _ in range(1200):  # 20 MB/s for two minutes
@@ -398,7 +398,7 @@ def test_time_left_is_told_from_the_rate(tmp_path, free, monkeypatch):
     assert space.nearly_full is None  # it writes no more
 
 
-def accepted(recorder: bags.Recorder, text: str) -> bool:
+def accepted(recorder: recording.Recorder, text: str) -> bool:
     try:
         write(recorder, [("/n", text, 0)])
     except DiskFullError:
@@ -426,7 +426,7 @@ def test_disk_that_really_fills_loses_nothing_that_was_written(small_disk, reser
     filler.write_bytes(bytes(2 * MB))
     directory = small_disk / "run"
     written = []
-    with bags.Recorder(directory, reserve_bytes=reserve_bytes) as recorder:
+    with recording.Recorder(directory, reserve_bytes=reserve_bytes) as recorder:
         while accepted(recorder, following := f"{len(written)} {noise.randbytes(10_000).hex()}"):
             written.append(following)
         assert len(written) > 20
@@ -443,7 +443,7 @@ def test_disk_that_really_fills_loses_nothing_that_was_written(small_disk, reser
 
 
 def test_threads_may_record_at_once(tmp_path):
-    with bags.Recorder(tmp_path / "run") as recorder:
+    with recording.Recorder(tmp_path / "run") as recorder:
         threads = [
             threading.Thread(target=write, args=(recorder, [(f"/t{n}", f"{n}-{i}", i) for i in range(100)]))
             for n in range(4)
@@ -458,12 +458,12 @@ def test_threads_may_record_at_once(tmp_path):
 
 
 def test_what_cannot_be_recorded_is_refused_and_the_rest_kept(tmp_path):
-    with bags.Recorder(tmp_path / "run") as recorder:
+    with recording.Recorder(tmp_path / "run") as recorder:
         write(recorder, [("/n", "first", 0)])
         with pytest.raises(BagError, match="/n: time -1 or"):
-            recorder.write("/n", bags.STRING, b"", log_time_ns=-1, publish_time_ns=0)
+            recorder.write("/n", recording.STRING, b"", log_time_ns=-1, publish_time_ns=0)
         with pytest.raises(BagError, match="record at most"):
-            recorder.write("/n", bags.STRING, bytes(2**25 + 1), log_time_ns=0, publish_time_ns=0)
+            recorder.write("/n", recording.STRING, bytes(2**25 + 1), log_time_ns=0, publish_time_ns=0)
         write(recorder, [("/n", "second", 1)])
     with pytest.raises(BagError, match="after the recording was closed"):
         write(recorder, [("/n", "third", 2)])
@@ -474,4 +474,4 @@ def test_what_cannot_be_recorded_is_refused_and_the_rest_kept(tmp_path):
 def test_empty_recording_is_valid(tmp_path):
     record(tmp_path / "run", [])
     assert read_by_rosbags(tmp_path / "run") == []
-    assert (texts(tmp_path / "run"), bags.summary(tmp_path / "run").damage) == ([], None)
+    assert (texts(tmp_path / "run"), recording.summary(tmp_path / "run").damage) == ([], None)

@@ -6,7 +6,7 @@ import sys
 import msgspec
 import pytest
 
-from weld_force_ros.bench import arithmetic, growth, solver, study, timing
+from benchmarks import arithmetic, growth, solver, study, timing
 
 
 @pytest.fixture(scope="module")

@@ -17,11 +17,22 @@ import pyarrow.parquet as pq
 import pytest
 import xarray as xr
 
-from weld_force_ros import cli
 from weld_force_ros.assessment.judge import judge
 from weld_force_ros.assessment.limits import load_limits
-from weld_force_ros.campaign import definition, network, plan, profile_table, query, records, run, sources, tables, work
+from weld_force_ros.campaign import (
+    batch_records,
+    batch_task,
+    campaign_file,
+    dask_run,
+    plan,
+    profile_table,
+    query,
+    sources,
+    synthetic_network,
+    tables,
+)
 from weld_force_ros.campaign.profile_table import Unusable
+from weld_force_ros.cli import main
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.simulation.simulator import Simulator
@@ -49,11 +60,11 @@ WELDS, VERDICTS, REJECTIONS = 32, 20 + 20 + 8, 4
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("network")
-    welds = list(network.network(20, seed=1))
+    welds = list(synthetic_network.network(20, seed=1))
     welds[3].weld_id = HOSTILE
     profile_table.write(made / "north.parquet", [*welds, *(Unusable("bag", "no such", "remedy") for _ in range(3))])
     (made / "south").mkdir()
-    for weld in network.network(8, seed=2):
+    for weld in synthetic_network.network(8, seed=2):
         profile_file.write_profile(weld, made / "south" / f"{weld.weld_id}.csv")
     (made / "south" / "zz.csv").write_text("x,z\n0,0\n", encoding="utf-8")
     (made / "north.yaml").write_text(CAMPAIGN, encoding="utf-8")
@@ -61,34 +72,34 @@ def folder(tmp_path_factory):
 
 
 def planned(folder, out, file="north.yaml"):
-    campaign = definition.read(folder / file)
+    campaign = campaign_file.read(folder / file)
     return plan.make(campaign, sources.find(campaign)), out
 
 
 def computed(folder, out, but=(), file="north.yaml"):
     """The campaign in this process, without Dask; batches in `but` are left open."""
     its_plan, _ = planned(folder, out, file)
-    finished = {record.batch for record in run.prepare(its_plan, out)}
+    finished = {record.batch for record in dask_run.prepare(its_plan, out)}
     for batch in sources.batches(its_plan.sources, its_plan.batch_welds):
         if batch.number not in finished and batch.number not in but:
-            work.assess_batch(str(out), its_plan.sha256, batch)
+            batch_task.assess_batch(str(out), its_plan.sha256, batch)
     return its_plan
 
 
 @pytest.fixture(scope="module")
 def results(folder):
     out = folder / "here"
-    run.complete(computed(folder, out), out)
+    dask_run.complete(computed(folder, out), out)
     return out
 
 
 def manifest(out):
-    return json.loads((out / records.MANIFEST).read_text(encoding="utf-8"))
+    return json.loads((out / batch_records.MANIFEST).read_text(encoding="utf-8"))
 
 
 def test_command_on_two_workers_gives_what_one_process_gives(folder, results):
     done = subprocess.run(
-        [sys.executable, "-m", "weld_force_ros.cli", "campaign", "north.yaml", "--workers", "2", "--json", "-"],
+        [sys.executable, "-m", "weld_force_ros.cli.main", "campaign", "north.yaml", "--workers", "2", "--json", "-"],
         cwd=folder, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -117,17 +128,19 @@ def wait_until(true, seconds=120.0):
 def test_killed_worker_and_client_change_nothing(folder, tmp_path):
     (folder / "fine.yaml").write_text(CAMPAIGN.replace("batch_welds: 12", "batch_welds: 1"), encoding="utf-8")
     out = tmp_path / "killed"
-    command = [sys.executable, "-m", "weld_force_ros.cli", "campaign", "fine.yaml", "--workers", "1", "--no-page"]
+    command = [sys.executable, "-m", "weld_force_ros.cli.main", "campaign", "fine.yaml", "--workers", "1", "--no-page"]
     with subprocess.Popen([*command, "--out", str(out)], cwd=folder, stderr=subprocess.DEVNULL) as process:
         client = psutil.Process(process.pid)
-        wait_until(lambda: list((out / records.FOLDER).glob("*.json")) or process.poll() is not None)
+        wait_until(lambda: list((out / batch_records.FOLDER).glob("*.json")) or process.poll() is not None)
         for worker in workers(client):
             worker.send_signal(signal.SIGKILL)
-        at_the_kill = len(list((out / records.FOLDER).glob("*.json")))
-        wait_until(lambda: len(list((out / records.FOLDER).glob("*.json"))) > at_the_kill or process.poll() is not None)
+        at_the_kill = len(list((out / batch_records.FOLDER).glob("*.json")))
+        wait_until(
+            lambda: len(list((out / batch_records.FOLDER).glob("*.json"))) > at_the_kill or process.poll() is not None
+        )
         process.send_signal(signal.SIGKILL)
     whole = tmp_path / "whole"
-    found = [run.complete(computed(folder, to, file="fine.yaml"), to) for to in (out, whole)]
+    found = [dask_run.complete(computed(folder, to, file="fine.yaml"), to) for to in (out, whole)]
     assert found[0].results_sha256 == found[1].results_sha256
     assert len(pd.read_parquet(out / "verdicts")) == VERDICTS
     assert not [*out.rglob("*.part"), *out.rglob("*.partial")]
@@ -143,7 +156,7 @@ def test_resumed_is_identical_and_finished_batches_stay(folder, results, tmp_pat
     its_plan = computed(folder, out)
     assert chunk.read_bytes() == damaged
     assert [path for path, at in kept.items() if path.stat().st_mtime_ns == at], "a finished batch was computed again"
-    assert run.complete(its_plan, out).results_sha256 == manifest(results)["results_sha256"]
+    assert dask_run.complete(its_plan, out).results_sha256 == manifest(results)["results_sha256"]
 
 
 def test_results_read_by_pandas_polars_duckdb_and_xarray(results):
@@ -175,7 +188,7 @@ def test_schema_of_every_part(results, kind, schema):
 def test_verdicts_are_those_of_the_one_composition(folder, results):
     its_plan, _ = planned(folder, results)
     settings = its_plan.sections[0].vehicles["freight"]
-    weld = next(network.network(1, seed=1))
+    weld = next(synthetic_network.network(1, seed=1))
     verdict = judge(Simulator(settings, curves=False).force_map(weld), load_limits())
     row = query.ask(results, "SELECT * FROM verdicts WHERE weld_number = 0 AND vehicle = 'freight'").records[0]
     assert (row["decision"], row["reason"]) == (verdict.decision, verdict.reason)
@@ -207,15 +220,15 @@ def test_questions(results):
 
 def test_query_on_the_command_line(results, capsys):
     assert (
-        cli.main(["campaign", "query", "sql", str(results), "SELECT count(*) AS n FROM verdicts", "--json", "-"]) == 0
+        main.main(["campaign", "query", "sql", str(results), "SELECT count(*) AS n FROM verdicts", "--json", "-"]) == 0
     )
     assert json.loads(capsys.readouterr().out) == {"n": VERDICTS}
-    assert cli.main(["campaign", "query", "over", str(results.parent), "--at", "160"]) == 2
+    assert main.main(["campaign", "query", "over", str(results.parent), "--at", "160"]) == 2
     assert "holds no results" in capsys.readouterr().err
 
 
 def test_rows_that_cannot_be_used(tmp_path):
-    good = next(network.network(1, seed=1))
+    good = next(synthetic_network.network(1, seed=1))
     x, z = good.x_m, good.z_m
     rows = [
         {"x_m": x, "z_m": z},
@@ -249,7 +262,7 @@ def test_batches_hold_every_weld_once(folder):
 def test_bags_are_sources(tmp_path):
     recording = Path(__file__).parent.parent / "bags" / "demo"
     (tmp_path / "c.yaml").write_text(f"name: c\nsources: [{{bag: {recording}}}]\n", encoding="utf-8")
-    campaign = definition.read(tmp_path / "c.yaml")
+    campaign = campaign_file.read(tmp_path / "c.yaml")
     (found,) = sources.find(campaign)
     (batch,) = sources.batches([found], 256)
     welds = list(sources.read(found, batch.pieces[0]))
@@ -270,7 +283,7 @@ def test_bags_are_sources(tmp_path):
 )
 def test_what_cannot_be_done_is_said_in_a_line(tmp_path, capsys, text, said):
     (tmp_path / "c.yaml").write_text(text, encoding="utf-8")
-    assert cli.main(["campaign", str(tmp_path / "c.yaml")]) == 2
+    assert main.main(["campaign", str(tmp_path / "c.yaml")]) == 2
     error = capsys.readouterr().err
     assert said in error
     assert error.count("\n") == 1
@@ -279,12 +292,12 @@ def test_what_cannot_be_done_is_said_in_a_line(tmp_path, capsys, text, said):
 def test_another_campaign_leaves_results_alone(folder, results, tmp_path):
     (folder / "other.yaml").write_text(CAMPAIGN.replace("[100, 160, 220]", "[100, 160]"), encoding="utf-8")
     before = {path: path.read_bytes() for path in results.rglob("*.parquet")}
-    assert cli.main(["campaign", str(folder / "other.yaml"), "--out", str(results)]) == 2
+    assert main.main(["campaign", str(folder / "other.yaml"), "--out", str(results)]) == 2
     assert before == {path: path.read_bytes() for path in results.rglob("*.parquet")}
 
 
 def test_plan_is_computed_and_nothing_else(folder, capsys):
-    assert cli.main(["campaign", str(folder / "north.yaml"), "--plan", "--workers", "64", "--json", "-"]) == 0
+    assert main.main(["campaign", str(folder / "north.yaml"), "--plan", "--workers", "64", "--json", "-"]) == 0
     told = json.loads(capsys.readouterr().out)
     low, high = told["seconds_range"]
     assert low <= told["seconds"] <= high
@@ -293,8 +306,8 @@ def test_plan_is_computed_and_nothing_else(folder, capsys):
 
 
 def test_population_is_seeded(tmp_path, capsys):
-    assert cli.main(["population", "3", "--out", str(tmp_path / "files"), "--seed", "7"]) == 0
-    assert cli.main(["population", "5", "--out", str(tmp_path / "t.parquet"), "--seed", "7"]) == 0
+    assert main.main(["population", "3", "--out", str(tmp_path / "files"), "--seed", "7"]) == 0
+    assert main.main(["population", "5", "--out", str(tmp_path / "t.parquet"), "--seed", "7"]) == 0
     capsys.readouterr()
     files = [profile_file.read_profile(path) for path in sorted((tmp_path / "files").iterdir())]
     table = list(profile_table.read(tmp_path / "t.parquet", 0, 3))
@@ -305,7 +318,7 @@ def test_population_is_seeded(tmp_path, capsys):
 def test_a_scheduler_that_nobody_started_is_said_in_a_line(folder, tmp_path, capsys):
     command = ["campaign", str(folder / "north.yaml"), "--out", str(tmp_path / "none")]
     with dask.config.set({"distributed.comm.timeouts.connect": "1s"}):
-        assert cli.main([*command, "--scheduler", "tcp://127.0.0.1:9"]) == 2
+        assert main.main([*command, "--scheduler", "tcp://127.0.0.1:9"]) == 2
     assert "scheduler tcp://127.0.0.1:9" in capsys.readouterr().err.splitlines()[-1]
 
 
@@ -319,14 +332,14 @@ def test_a_lost_scheduler_is_said_and_the_same_command_goes_on(folder, results, 
         wait_until(address.exists)
         at = json.loads(address.read_text())["address"]
         with subprocess.Popen([*dask_command, "worker", "--nthreads", "1", *here], **quiet) as worker:
-            command = [sys.executable, "-m", "weld_force_ros.cli", "campaign", "fine.yaml", "--no-page"]
+            command = [sys.executable, "-m", "weld_force_ros.cli.main", "campaign", "fine.yaml", "--no-page"]
             options = ["--out", str(out), "--scheduler", at]
             with subprocess.Popen([*command, *options], cwd=folder, stderr=subprocess.PIPE, text=True) as client:
-                wait_until(lambda: list((out / records.FOLDER).glob("*.json")) or client.poll() is not None)
+                wait_until(lambda: list((out / batch_records.FOLDER).glob("*.json")) or client.poll() is not None)
                 scheduler.kill()
                 told = client.communicate(timeout=120)[1]
             worker.kill()
     assert client.returncode == 2, told
     assert "scheduler was lost" in told.splitlines()[-1]
     its_plan = computed(folder, out, file="fine.yaml")
-    assert run.complete(its_plan, out).verdicts == VERDICTS
+    assert dask_run.complete(its_plan, out).verdicts == VERDICTS

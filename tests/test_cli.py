@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from weld_force_ros.cli import main
+from weld_force_ros.cli.main import main
 from weld_force_ros.measurement.profile_file import shipped
 from weld_force_ros.messages import SCHEMAS, ForceMap, Verdict, decode, json_schema
 

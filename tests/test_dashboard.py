@@ -14,7 +14,6 @@ from test_show import force_map
 
 from weld_force_ros.assessment.judge import judge
 from weld_force_ros.assessment.limits import load_limits
-from weld_force_ros.dashboard import Board, Server
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import (
     ForceHistory,
@@ -25,6 +24,8 @@ from weld_force_ros.messages import (
     config_sha256,
     profile_sha256,
 )
+from weld_force_ros.report.live_report import Board
+from weld_force_ros.report.live_server import Server
 
 PAGE = "<!doctype html><title>page</title>"
 LIMITS = load_limits()

@@ -8,7 +8,7 @@ import numpy as np
 import platformdirs
 import pytest
 
-from weld_force_ros.cli import main
+from weld_force_ros.cli.main import main
 from weld_force_ros.physics.track.beam import sections, static_compliance
 from weld_force_ros.simulation import fit_store, track_file
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from weld_force_ros.assessment.grinding import Adviser
-from weld_force_ros.cli import main
+from weld_force_ros.cli.main import main
 from weld_force_ros.measurement.profile_file import find, read_profile
 from weld_force_ros.measurement.shapes import cosine_dip
 from weld_force_ros.messages import (

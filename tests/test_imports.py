@@ -49,7 +49,7 @@ def test_simulation_needs_no_optional_package():
 
 
 def test_command_line_needs_no_optional_package():
-    command = "from weld_force_ros.cli import main; sys.argv = ['weld-force', '--help']; main()"
+    command = "from weld_force_ros.cli.main import main; sys.argv = ['weld-force', '--help']; main()"
     done = subprocess.run([sys.executable, "-c", BLOCKED + command], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "simulate" in done.stdout

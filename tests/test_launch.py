@@ -14,8 +14,8 @@ pytest.importorskip("lifecycle_msgs.msg")
 
 from lifecycle_msgs.msg import Transition
 
-from weld_force_ros.node_parameters import PARAMETERS, shipped_config
-from weld_force_ros.ros import run
+from weld_force_ros.ros import launcher
+from weld_force_ros.ros.parameter_file import PARAMETERS, shipped_config
 
 FILE = Path(__file__).parent.parent / "launch" / "weld_force.launch.py"
 NODES = {"assessment_node", "simulator_node", "profile_node"}
@@ -70,11 +70,11 @@ def test_three_lifecycle_nodes_are_started_and_started_again(launch_file: Module
     assert started.keys() == NODES
     for name, node in started.items():
         assert (node.package, node.executable) == ("weld_force_ros", name)
-        assert callable(getattr(run, node.executable))
+        assert callable(getattr(launcher, node.executable))
         assert node.namespace == doubles.LaunchConfiguration("namespace")
         assert node.respawn
         assert node.respawn_delay > 0.0
-        assert float(node.sigterm_timeout) > run.DRAIN_S, "a second signal would stop a node that still drains"
+        assert float(node.sigterm_timeout) > launcher.DRAIN_S, "a second signal would stop a node that still drains"
 
 
 def test_what_is_given_goes_before_the_config_and_nothing_else_does(

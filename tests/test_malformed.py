@@ -16,7 +16,7 @@ from soak.mutations import ANYWHERE, JSON, LINES, MEASUREMENTS, RECORDING, YAML
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.messages import TOPICS, RailSurface, WeldProfile, decode, profile_sha256
-from weld_force_ros.ros.accounts import header_of
+from weld_force_ros.ros.sequence_tracker import header_of
 from weld_force_ros.simulation import track_file
 
 COUNT, SEED = 2_000, 1

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from weld_force_ros.errors import InputError
-from weld_force_ros.node_parameters import (
+from weld_force_ros.ros.parameter_file import (
     PARAMETERS,
     check,
     config_schema,

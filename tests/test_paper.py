@@ -8,8 +8,8 @@ import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
-from weld_force_ros import cli_study
-from weld_force_ros.cli import main
+from weld_force_ros.cli import study as cli_study
+from weld_force_ros.cli.main import main
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.studies import claims, paper
 from weld_force_ros.studies.laboratory import Laboratory

@@ -5,13 +5,12 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from weld_force_ros import replay
 from weld_force_ros.assessment.judge import assess
 from weld_force_ros.assessment.limits import load_limits
-from weld_force_ros.bag import STRING, Recorder, string_cdr
 from weld_force_ros.errors import BagError
 from weld_force_ros.measurement.profile_file import find, read_profile
 from weld_force_ros.messages import TOPICS, Message, encode
+from weld_force_ros.recording import STRING, Recorder, replay, string_cdr
 from weld_force_ros.simulation.settings import simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
 

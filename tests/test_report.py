@@ -11,14 +11,18 @@ from pathlib import Path
 import pytest
 from report_data import HOSTILE, ancient, entries, ground, hostile, undecided, unusable, weld
 
-from weld_force_ros import replay
 from weld_force_ros.assessment.judge import assess
 from weld_force_ros.assessment.limits import load_limits
-from weld_force_ros.cli import main
+from weld_force_ros.cli.main import main
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement.profile_file import find, read_profile
 from weld_force_ros.messages import encode
-from weld_force_ros.report_page import Entry, Weld, detail, page, printing, row, welds
+from weld_force_ros.recording import replay, weld_records
+from weld_force_ros.recording.weld_records import Entry, Weld
+from weld_force_ros.report import pdf as printing
+from weld_force_ros.report.html_page import page
+from weld_force_ros.report.table_row import row
+from weld_force_ros.report.weld_detail import detail
 from weld_force_ros.simulation.settings import simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
 
@@ -185,7 +189,7 @@ def test_maps_without_verdict_are_judged_and_rejections_stand_last(tmp_path):
     recording.force_maps.append(found.force_map)
     recording.histories.append(found.history)
     recording.rejections.append(unusable().rejection)
-    judged, refused = welds.recorded(recording, None, load_limits())
+    judged, refused = weld_records.recorded(recording, None, load_limits())
     assert judged.verdict.decision == found.verdict.decision
     assert judged.history is found.history
     assert refused == unusable()
@@ -201,7 +205,7 @@ def test_grinding_is_searched_for_what_is_not_accepted_and_known():
         return ground().grinding
 
     found = list(
-        welds.with_grinding(
+        weld_records.with_grinding(
             entries(),
             grind,
             on_done=lambda: done.append(1),

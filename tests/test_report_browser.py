@@ -13,7 +13,11 @@ from typing import Any
 import pytest
 from report_data import entries, hostile, weld
 
-from weld_force_ros.report_page import Entry, detail, page, printing, row
+from weld_force_ros.recording.weld_records import Entry
+from weld_force_ros.report import pdf as printing
+from weld_force_ros.report.html_page import page
+from weld_force_ros.report.table_row import row
+from weld_force_ros.report.weld_detail import detail
 
 BROWSER = printing.find_browser()
 if BROWSER is None:

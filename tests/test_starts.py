@@ -197,6 +197,6 @@ def test_the_package_starts_from_a_read_only_folder_without_a_home_and_compiles_
 
 def test_the_command_line_loads_no_science_before_it_is_asked_to():
     heavy = "{'numpy', 'scipy', 'numba', 'rich', 'matplotlib', 'rclpy'} & sys.modules.keys()"
-    code = f"import sys, weld_force_ros.cli; sys.exit(str({heavy}) if {heavy} else 0)"
+    code = f"import sys, weld_force_ros.cli.main; sys.exit(str({heavy}) if {heavy} else 0)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -13,7 +13,7 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import numpy as np
 import pytest
 
-from weld_force_ros.cli import main
+from weld_force_ros.cli.main import main
 from weld_force_ros.errors import NumericalError
 from weld_force_ros.physics.engines.greens_function import GreenRig
 from weld_force_ros.physics.passage.peak_map import Surface

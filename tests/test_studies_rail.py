@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from weld_force_ros import cli
+from weld_force_ros.cli import main
 from weld_force_ros.physics.track.beam import StripRail
 from weld_force_ros.simulation import track_file
 from weld_force_ros.studies import rail
@@ -15,7 +15,7 @@ from weld_force_ros.studies import rail
 @pytest.fixture(scope="module")
 def studied(tmp_path_factory):
     out = tmp_path_factory.mktemp("rail")
-    assert cli.main(["study", "rail", "--quick", "--out", str(out), "--json", str(out / "measured.json")]) == 0
+    assert main.main(["study", "rail", "--quick", "--out", str(out), "--json", str(out / "measured.json")]) == 0
     return out
 
 
@@ -53,7 +53,7 @@ def test_either_rail_of_a_track_is_made_from_the_other():
 
 
 def test_unknown_section_is_refused_in_a_line(capsys, tmp_path):
-    assert cli.main(["study", "rail", "--section", "61E1", "--out", str(tmp_path)]) == 2
+    assert main.main(["study", "rail", "--section", "61E1", "--out", str(tmp_path)]) == 2
     error = capsys.readouterr().err
     assert "61E1" in error
     assert error.count("\n") == 1

@@ -8,8 +8,7 @@ from msgspec.structs import replace
 
 from weld_force_ros.assessment.judge import judge
 from weld_force_ros.assessment.limits import load_limits
-from weld_force_ros.bag import STRING, Recorder, string_cdr
-from weld_force_ros.cli import main
+from weld_force_ros.cli.main import main
 from weld_force_ros.errors import InputError, NumericalError
 from weld_force_ros.measurement.profile_file import find, read_profile
 from weld_force_ros.messages import (
@@ -23,11 +22,12 @@ from weld_force_ros.messages import (
     encode,
     profile_sha256,
 )
-from weld_force_ros.replay import Recording, read
+from weld_force_ros.recording import STRING, Recorder, string_cdr
+from weld_force_ros.recording.replay import Recording, read
+from weld_force_ros.recording.what_if import NotComputed, read_change, what_if
 from weld_force_ros.simulation import simulator
 from weld_force_ros.simulation.settings import simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
-from weld_force_ros.what_if import NotComputed, read_change, what_if
 
 SPEEDS, POSITIONS = [60.0, 120.0], [0.1, 0.4]
 

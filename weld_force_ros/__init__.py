@@ -1,7 +1,5 @@
-"""Wheel-rail contact forces over measured rail welds.
-
-The package's root imports nothing: `weld_force_ros.simulation.simulator` holds the one composition from a weld profile to a
-verdict, `weld_force_ros.core` the science, `weld_force_ros.ros` the nodes.
-"""
+"""Wheel-rail contact forces over measured rail welds: simulate every speed and position, judge, record to MCAP."""
 
 __version__ = "0.1.0"
+SOFTWARE = f"weld_force_ros {__version__}"
+"""What verdicts, plans and studies name as the software that made them."""

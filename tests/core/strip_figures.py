@@ -7,7 +7,7 @@ import numpy as np
 
 from tests.core.test_section import ROD_M, extension, flexure, rod, wavenumbers
 from tests.core.test_strip import by_mesh, free_rail, with_strips
-from weld_force_ros import terminal
+from weld_force_ros.cli import terminal
 from weld_force_ros.physics.track import waveguide_rail
 from weld_force_ros.physics.track.beam import free_decay, receptance, static_compliance
 from weld_force_ros.physics.track.cross_section import rail_mesh

@@ -5,7 +5,7 @@ import itertools
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weld_force_ros.ros.accounts import GapCounter, Header, header_of
+from weld_force_ros.ros.sequence_tracker import GapCounter, Header, header_of
 
 
 def header(sequence: int, publisher: str = "/a#1") -> Header:

@@ -7,17 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from weld_force_ros import replay
-from weld_force_ros.bench import nodes as bench_nodes
+from benchmarks import nodes
+from weld_force_ros.recording import replay
 
 
 @pytest.fixture(autouse=True)
 def few_at_once(domain_id: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bench_nodes, "_FLOOD", 3)
+    monkeypatch.setattr(nodes, "_FLOOD", 3)
 
 
 def test_every_weld_is_counted_and_none_lost() -> None:
-    found = bench_nodes.sustained(seconds=1.0, welds_per_s=4.0)
+    found = nodes.sustained(seconds=1.0, welds_per_s=4.0)
     assert (found["sustained_welds"], found["sustained_lost"]) == (4, 0)
     assert found["sustained_welds_per_s"] == pytest.approx(4 / found["sustained_s"])
 
@@ -28,10 +28,10 @@ def test_weld_without_a_recorded_verdict_is_lost(monkeypatch: pytest.MonkeyPatch
         return replace(recording, verdicts=recording.verdicts[:-1])
 
     monkeypatch.setattr(replay, "read", without_the_last)
-    assert bench_nodes.sustained(seconds=0.5, welds_per_s=4.0)["sustained_lost"] == 2  # one of each run
+    assert nodes.sustained(seconds=0.5, welds_per_s=4.0)["sustained_lost"] == 2  # one of each run
 
 
 def test_without_ros_there_is_nothing_to_measure(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "weld_force_ros.ros.run", None)
-    assert bench_nodes.latencies() == {}
-    assert bench_nodes.sustained() == {}
+    monkeypatch.setitem(sys.modules, "weld_force_ros.ros.launcher", None)
+    assert nodes.latencies() == {}
+    assert nodes.sustained() == {}

@@ -22,8 +22,8 @@ from test_suite import profile
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import Verdict, encode
-from weld_force_ros.report_page.printing import find_browser
-from weld_force_ros.ros.run import KINDS, Kind, Suite, together
+from weld_force_ros.report.pdf import find_browser
+from weld_force_ros.ros.launcher import KINDS, Kind, Suite, together
 
 pytest.importorskip("plotly")
 
@@ -158,7 +158,7 @@ def test_a_used_port_keeps_the_node_from_starting(domain_id: int, used_port: int
 
 
 def up(folder: Path, *arguments: str) -> "subprocess.Popen[str]":
-    command = [sys.executable, "-m", "weld_force_ros.cli", "up", "--folder", str(folder), "--speeds", "40,80"]
+    command = [sys.executable, "-m", "weld_force_ros.cli.main", "up", "--folder", str(folder), "--speeds", "40,80"]
     return subprocess.Popen(
         [*command, "--positions", "2", *arguments], stderr=subprocess.PIPE, text=True, env={**os.environ}
     )

@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from std_msgs.msg import String
 
 from weld_force_ros.ros import qos
-from weld_force_ros.ros.definitions import message_definition
+from weld_force_ros.ros.type_definitions import message_definition
 
 TYPES = [String, WrenchStamped, DiagnosticArray]
 

@@ -14,14 +14,13 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from ros_harness import Outcomes, Probe, QuickSimulator, profile_text, wait_until
 from std_msgs.msg import String
 
-from weld_force_ros import replay
-from weld_force_ros.bag import open_bag
 from weld_force_ros.errors import BagError
 from weld_force_ros.measurement.profile_file import parse_profile
 from weld_force_ros.messages import ForceMap, Inquiry, Rejection, Settled, Verdict, WeldProfile, decode, encode
-from weld_force_ros.ros import messenger, qos
-from weld_force_ros.ros.health import Health
-from weld_force_ros.ros.run import KINDS, Kind, Suite
+from weld_force_ros.recording import open_bag, replay
+from weld_force_ros.ros import contract_topics, qos
+from weld_force_ros.ros.diagnostics import Health
+from weld_force_ros.ros.launcher import KINDS, Kind, Suite
 
 BAD = "# x_unit: mm\nx,z\n0,nonsense\n"
 
@@ -123,7 +122,7 @@ def test_what_was_accepted_without_an_outcome_gets_it_when_the_bag_is_continued(
 def test_map_that_was_recorded_but_not_judged_is_judged_without_being_computed_again(
     domain_id: int, probe: Probe, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from weld_force_ros.ros.assessment_node import AssessmentNode
+    from weld_force_ros.ros.nodes.assessment_node import AssessmentNode
 
     bag, outcomes = tmp_path / "bag", Outcomes()
     drop(folder, 0, 1)
@@ -138,7 +137,7 @@ def test_map_that_was_recorded_but_not_judged_is_judged_without_being_computed_a
 def test_verdict_that_was_recorded_but_perhaps_not_sent_is_sent_as_it_was(
     domain_id: int, probe: Probe, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from weld_force_ros.ros.assessment_node import AssessmentNode
+    from weld_force_ros.ros.nodes.assessment_node import AssessmentNode
 
     bag = tmp_path / "bag"
     drop(folder, 0, 1)
@@ -219,7 +218,7 @@ def test_clock_set_back_by_an_hour_loses_nothing(
     with suite(folder, bag, outcomes=outcomes) as running:
         drop(folder, 0, 3)
         outcomes.wait(3)
-        monkeypatch.setattr(messenger.time, "time_ns", lambda: real_ns() - 3_600_000_000_000)
+        monkeypatch.setattr(contract_topics.time, "time_ns", lambda: real_ns() - 3_600_000_000_000)
         drop(folder, 3, 6)
         outcomes.wait(6)
         assert running.drain(10.0) == 0
@@ -230,7 +229,7 @@ def test_clock_set_back_by_an_hour_loses_nothing(
 
 
 def test_clock_that_was_set_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    from weld_force_ros.ros import health as health_module
+    from weld_force_ros.ros import diagnostics as health_module
 
     health, real = Health("/node", "/node#1"), time.time
     assert health.status().values[-1].value == ""

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from ros_harness import Outcomes, wait_until
 
-from weld_force_ros.ros.folder import AT_ONCE, FolderWatcher
+from weld_force_ros.ros.nodes.folder_watcher import AT_ONCE, FolderWatcher
 
 
 @contextmanager

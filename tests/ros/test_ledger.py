@@ -5,9 +5,9 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weld_force_ros.bag import STRING, Recorder, string_cdr
 from weld_force_ros.messages import TOPICS, ForceMap, Message, Rejection, Settled, Verdict, WeldProfile
-from weld_force_ros.ros.ledger import AT_ONCE, Ledger, read_ledger
+from weld_force_ros.recording import STRING, Recorder, string_cdr
+from weld_force_ros.ros.nodes.outcome_ledger import AT_ONCE, Ledger, read_ledger
 
 IDS = [f"{n:064x}" for n in range(40)]
 

@@ -14,9 +14,9 @@ from ros_harness import Outcomes, Probe, QuickSimulator, profile_text, wait_unti
 from std_msgs.msg import String
 
 from weld_force_ros.messages import AssessmentSettings, ForceMap, SimulationSettings, Verdict, WeldProfile, decode
-from weld_force_ros.node_parameters import PARAMETERS
 from weld_force_ros.ros import qos
-from weld_force_ros.ros.run import ALL_KINDS, KINDS, Kind, Suite
+from weld_force_ros.ros.launcher import ALL_KINDS, KINDS, Kind, Suite
+from weld_force_ros.ros.parameter_file import PARAMETERS
 
 
 @contextmanager
@@ -210,7 +210,7 @@ def test_what_the_suite_cannot_start_with_is_one_line_and_exit_code_2(
     options: list[str],
     part: str,
 ) -> None:
-    from weld_force_ros.cli import main
+    from weld_force_ros.cli.main import main
 
     monkeypatch.chdir(folder)
     (folder / "bad.yaml").write_text("/**/simulator_node:\n  ros__parameters:\n    trak: bilbao\n")

@@ -27,10 +27,10 @@ from rosbags.highlevel import AnyReader
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
-from weld_force_ros.bag import STRING, Recorded, offered_qos, string_cdr
-from weld_force_ros.cli import main
+from weld_force_ros.cli.main import main
 from weld_force_ros.errors import BagError, InputError
-from weld_force_ros.ros import definitions, qos
+from weld_force_ros.recording import STRING, Recorded, offered_qos, string_cdr
+from weld_force_ros.ros import qos, type_definitions
 from weld_force_ros.ros.playback import CLOCK_PERIOD_S, CLOCK_TOPIC, Manner, Pace, offering, perform, play
 
 DEMO = Path(__file__).parents[2] / "bags" / "demo"
@@ -376,7 +376,7 @@ def test_quality_of_service_that_cannot_be_read_is_reliable(text: str) -> None:
 
 def test_what_cannot_be_played_is_said_once_and_the_rest_played(listener: Listener, tmp_path: Path) -> None:
     stamps = [(at_ms, serialize_message(Clock())) for at_ms in (0, 1)]
-    clock_hash = definitions.type_hash("rosgraph_msgs/Clock")
+    clock_hash = type_definitions.type_hash("rosgraph_msgs/Clock")
     path = write(
         tmp_path / "bag.mcap",
         Channel("/good", texts("good", 0, 1)),
@@ -400,7 +400,7 @@ def test_what_cannot_be_played_is_said_once_and_the_rest_played(listener: Listen
 
 def test_without_a_clock_of_its_own_the_recorded_one_is_played(listener: Listener, tmp_path: Path) -> None:
     stamps = [(at_ms, serialize_message(Clock())) for at_ms in (0, 5)]
-    clock_hash = definitions.type_hash("rosgraph_msgs/Clock")
+    clock_hash = type_definitions.type_hash("rosgraph_msgs/Clock")
     path = write(tmp_path / "bag.mcap", Channel(CLOCK_TOPIC, stamps, LIVE, "rosgraph_msgs/msg/Clock", clock_hash))
     clock = listener.listen(CLOCK_TOPIC, Clock, EVERY_TICK)
     assert played(path, Manner(clock=False)) == (2, [])
@@ -465,7 +465,7 @@ def test_recordings_without_anything_to_play_are_refused(domain_id: int, tmp_pat
 
 @contextmanager
 def replay_command(*arguments: str) -> Iterator[subprocess.Popen[str]]:
-    command = [sys.executable, "-m", "weld_force_ros.cli", "replay", *arguments]
+    command = [sys.executable, "-m", "weld_force_ros.cli.main", "replay", *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             yield process

@@ -12,7 +12,7 @@ from std_msgs.msg import String
 
 from weld_force_ros.messages import Rejection, WeldProfile, decode
 from weld_force_ros.ros import qos
-from weld_force_ros.ros.run import Suite
+from weld_force_ros.ros.launcher import Suite
 
 
 @pytest.fixture

@@ -19,12 +19,12 @@ from std_msgs.msg import String
 from weld_force_ros.errors import TrackError
 from weld_force_ros.messages import AssessmentSettings, Verdict, decode
 from weld_force_ros.ros import qos
-from weld_force_ros.ros.run import Suite, main, run_node, run_until_signal
+from weld_force_ros.ros.launcher import Suite, main, run_node, run_until_signal
 
 
 @contextmanager
 def node_process(*arguments: str) -> Iterator[subprocess.Popen[str]]:
-    command = [sys.executable, "-m", "weld_force_ros.ros.run", *arguments]
+    command = [sys.executable, "-m", "weld_force_ros.ros.launcher", *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             yield process

@@ -30,7 +30,7 @@ from weld_force_ros.messages import (
     encode,
 )
 from weld_force_ros.ros import qos
-from weld_force_ros.ros.run import KINDS, Kind, Suite
+from weld_force_ros.ros.launcher import KINDS, Kind, Suite
 
 SPEEDS = "40,80,120"
 POSITIONS = "0.15,0.30"

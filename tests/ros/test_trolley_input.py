@@ -25,11 +25,11 @@ from std_srvs.srv import Trigger
 from weld_force_ros.errors import MessageError
 from weld_force_ros.measurement.profile_file import read_profile
 from weld_force_ros.messages import MAX_SAMPLES, RailSurface, Rejection, WeldMarker, decode, encode
-from weld_force_ros.ros import points, qos
-from weld_force_ros.ros.managed import ManagedNode
-from weld_force_ros.ros.messenger import Messenger
-from weld_force_ros.ros.trolley_input import TrolleyInput
-from weld_force_ros.ros.trolley_node import TrolleyNode
+from weld_force_ros.ros import point_cloud, qos
+from weld_force_ros.ros.contract_topics import Messenger
+from weld_force_ros.ros.lifecycle import ManagedNode
+from weld_force_ros.ros.nodes.trolley_input import TrolleyInput
+from weld_force_ros.ros.nodes.trolley_node import TrolleyNode
 
 
 class Listening(ManagedNode):
@@ -252,7 +252,7 @@ def test_drivers_of_either_reliability_are_heard(
     profile = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=100, reliability=reliability)
     publish = publisher("rail_surface_points", PointCloud2, profile)
     x = np.arange(0.0, 1.0, 1e-3)
-    publish(points.cloud_of(x, np.where(x < 0.5, np.nan, 0.0)))
+    publish(point_cloud.cloud_of(x, np.where(x < 0.5, np.nan, 0.0)))
     publish(PointCloud2(height=1, width=5, point_step=4))
     wait_until(lambda: listening.trolley.facts().get("point clouds refused") == 1)
     assert listening.trolley.facts()["trolley at m"] == "0.997"
@@ -307,7 +307,7 @@ def test_any_layout_of_points_is_read_as_written(layout: dict[str, Any], random:
         row_step=step * layout["width"] + layout["row_padding"],
     )
     cloud.data.frombytes(bytes(data))
-    x, z = points.samples_of(cloud)
+    x, z = point_cloud.samples_of(cloud)
     assert list(zip(x.tolist(), z.tolist(), strict=True)) == expected
 
 
@@ -341,7 +341,7 @@ def test_sizes_that_do_not_fit_are_refused_and_nothing_else_happens(form: dict[s
     cloud = PointCloud2(**{name: value for name, value in form.items() if name != "size"})
     cloud.data.frombytes(bytes(form["size"]))
     with suppress(MessageError):
-        x, z = points.samples_of(cloud)
+        x, z = point_cloud.samples_of(cloud)
         assert len(x) == len(z) == form["height"] * form["width"]
 
 
@@ -351,7 +351,7 @@ def test_damaged_bytes_of_a_cloud_are_refused(
     listening = spinning(Listening, folder=str(folder))
     publish = publisher("rail_surface_points", PointCloud2)
     x = np.arange(1000) * 1e-3
-    whole = serialize_message(points.cloud_of(x, np.zeros(1000)))
+    whole = serialize_message(point_cloud.cloud_of(x, np.zeros(1000)))
     generator = np.random.default_rng(1)
     for _ in range(50):
         publish(whole[: generator.integers(4, len(whole) // 2)])
@@ -365,6 +365,6 @@ def test_chainages_that_float32_cannot_tell_apart_are_complained_of() -> None:
     fields = [PointField(name=n, datatype=PointField.FLOAT32, count=1, offset=o) for n, o in (("x", 0), ("z", 4))]
     cloud = PointCloud2(height=1, width=1, fields=fields, point_step=8, row_step=8)
     cloud.data.frombytes(struct.pack("<ff", 12_345.678, 0.0))
-    x, _ = points.samples_of(cloud)
-    assert points.coarseness_m(cloud, x) == 2.0**-10  # 24 bits of a number between 2^13 and 2^14
-    assert points.coarseness_m(points.cloud_of(x, x), x) == 0.0
+    x, _ = point_cloud.samples_of(cloud)
+    assert point_cloud.coarseness_m(cloud, x) == 2.0**-10  # 24 bits of a number between 2^13 and 2^14
+    assert point_cloud.coarseness_m(point_cloud.cloud_of(x, x), x) == 0.0

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from test_suite import plotted
 
 from weld_force_ros.messages import Criterion, Verdict
-from weld_force_ros.ros.twins import criteria
+from weld_force_ros.ros.typed_messages import criteria
 
 
 def criterion(name: str, value: float, limit: float) -> Criterion:

@@ -40,7 +40,7 @@ from weld_force_ros.messages import (
     encode,
     measurement_id,
 )
-from weld_force_ros.report_page.printing import find_browser
+from weld_force_ros.report.pdf import find_browser
 from weld_force_ros.ros import environment, qos
 from weld_force_ros.ros.demo import keep_to_itself
 from weld_force_ros.simulation import simulator
@@ -218,7 +218,7 @@ def _dashboard(scratch: Path) -> Iterator[tuple["subprocess.Popen[bytes]", str]]
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    command = [sys.executable, "-m", "weld_force_ros.ros.run", "dashboard", "--ros-args", "-p", f"port:={port}"]
+    command = [sys.executable, "-m", "weld_force_ros.ros.launcher", "dashboard", "--ros-args", "-p", f"port:={port}"]
     as_the_supervisor_does = {"MALLOC_ARENA_MAX": "2"}
     process = subprocess.Popen(command, env={**os.environ, **as_the_supervisor_does, "TMPDIR": str(scratch)})
     url, deadline_s = f"http://127.0.0.1:{port}/", time.monotonic() + _START_S

@@ -5,7 +5,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from weld_force_ros.ros.run import KINDS
+from weld_force_ros.ros.launcher import KINDS
 
 from .field import Field, recorded, wait_until
 from .field import field as run_field

@@ -17,12 +17,12 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
-from weld_force_ros.bag import stored
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.messages import TOPICS, Settled, Verdict, profile_sha256
+from weld_force_ros.recording import stored
 from weld_force_ros.ros import environment, qos
 from weld_force_ros.ros.demo import keep_to_itself
-from weld_force_ros.ros.health import TOPIC as DIAGNOSTICS_TOPIC
+from weld_force_ros.ros.diagnostics import TOPIC as DIAGNOSTICS_TOPIC
 from weld_force_ros.ros.supervisor import Supervisor
 
 BAD_FILE = "# x_unit: mm\nx,z\n0,nonsense\n"

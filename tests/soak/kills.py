@@ -11,8 +11,8 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from weld_force_ros.bag import export_json, recover
-from weld_force_ros.ros.run import KINDS, Kind
+from weld_force_ros.recording import export_json, recover
+from weld_force_ros.ros.launcher import KINDS, Kind
 
 from .field import Field, recorded, wait_until
 from .field import field as run_field

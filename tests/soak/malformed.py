@@ -40,7 +40,6 @@ from msgspec import UNSET
 
 from weld_force_ros.assessment.judge import Assessment, judge
 from weld_force_ros.assessment.limits import load_limits
-from weld_force_ros.bag import STRING, contract_messages, open_bag, string_cdr
 from weld_force_ros.errors import InputError, WeldForceError
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.measurement.profile_file import PlainForm
@@ -61,8 +60,9 @@ from weld_force_ros.messages import (
     decode,
     encode,
 )
-from weld_force_ros.node_parameters import default_config, read_config
-from weld_force_ros.ros.accounts import header_of
+from weld_force_ros.recording import STRING, contract_messages, open_bag, string_cdr
+from weld_force_ros.ros.parameter_file import default_config, read_config
+from weld_force_ros.ros.sequence_tracker import header_of
 from weld_force_ros.simulation import simulator, track_file
 from weld_force_ros.simulation.settings import simulation_settings
 
@@ -475,7 +475,7 @@ def _live_node() -> tuple[Any, type, list[Rejection]]:
     from rclpy.logging import LoggingSeverity
     from std_msgs.msg import String
 
-    from weld_force_ros.ros.messenger import Messenger
+    from weld_force_ros.ros.contract_topics import Messenger
 
     rclpy.init(args=[], signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     node = rclpy.create_node("malformed")
@@ -486,7 +486,7 @@ def _live_node() -> tuple[Any, type, list[Rejection]]:
 def read_sample(data: bytes) -> Reading:
     """As a live node takes a DDS sample: a message, or a Rejection is published."""
     from weld_force_ros.ros import qos
-    from weld_force_ros.ros.messenger import Sample
+    from weld_force_ros.ros.contract_topics import Sample
 
     messenger, string, rejections = _live_node()
     rejections.clear()

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS 2 is not there")
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
-from weld_force_ros.report_page.printing import find_browser
+from weld_force_ros.report.pdf import find_browser
 
 from . import dashboard
 

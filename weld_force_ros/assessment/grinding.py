@@ -17,9 +17,10 @@ from msgspec import UNSET
 from msgspec.structs import replace as changed
 from numpy.typing import NDArray
 
+from weld_force_ros import SOFTWARE
 from weld_force_ros.assessment.criteria import FORCE_CRITERIA, gradient_norm_rad
 from weld_force_ros.assessment.grinding_search import Grinder, Profile, Removal, least_removal
-from weld_force_ros.assessment.judge import SOFTWARE, judge
+from weld_force_ros.assessment.judge import judge
 from weld_force_ros.assessment.limits import applies, decides
 from weld_force_ros.messages import (
     AssessmentSettings,

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 from msgspec import UNSET, UnsetType
 
-from weld_force_ros import __version__
+from weld_force_ros import SOFTWARE
 from weld_force_ros.assessment.speed_advice import Advice, advise
 from weld_force_ros.assessment.verdict import WORST_POSITION, find
 from weld_force_ros.errors import InputError
@@ -23,7 +23,6 @@ from weld_force_ros.messages import (
 from weld_force_ros.simulation.force_map_view import Passages, judged_part, passages
 
 _AFTER_PEAK_M = 0.1
-SOFTWARE = f"weld_force_ros {__version__}"
 
 
 class Simulates(Protocol):

@@ -18,10 +18,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from weld_force_ros.campaign import sources, store, work
+from weld_force_ros.campaign import batch_task, result_store, sources
+from weld_force_ros.campaign.batch_task import Assessor, Found, Read, Refused
 from weld_force_ros.campaign.plan import Plan
 from weld_force_ros.campaign.sources import Batch, Piece
-from weld_force_ros.campaign.work import Assessor, Found, Read, Refused
 
 EFFICIENCY = 0.87
 """Of a worker beside others: they share memory, caches and the cores' clock."""
@@ -133,7 +133,7 @@ def _saved(plan: Plan, outcomes: list[Found | Refused]) -> tuple[float, float, f
     with tempfile.TemporaryDirectory(prefix="weld-force-plan-") as folder:
         out = Path(folder)
         trial = Plan(plan.software, plan.name, [], plan.sections, plan.limits, max(count, plan.batch_welds))
-        store.create_maps(_of(trial, count), out)
+        result_store.create_maps(_of(trial, count), out)
         half = _written(numbered[: count // 2], 0, out, count)
         began = time.perf_counter()
         all_of_them = _written(numbered, 0, out, count)
@@ -149,5 +149,5 @@ def _of(plan: Plan, welds: int) -> Plan:
 
 def _written(outcomes: list[Found | Refused], number: int, out: Path, welds: int) -> int:
     batch = Batch(number, 0, [Piece(0, 0, welds)])
-    record = work.save(outcomes, batch, out, "")
+    record = batch_task.save(outcomes, batch, out, "")
     return sum((out / name).stat().st_size for name in record.files)

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import msgspec
 
-from weld_force_ros import _files
-from weld_force_ros.assessment.judge import SOFTWARE
-from weld_force_ros.campaign.definition import Campaign, Section
+from weld_force_ros import SOFTWARE, _files
+from weld_force_ros.campaign.campaign_file import Campaign, Section
 from weld_force_ros.campaign.sources import Source
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import AssessmentSettings

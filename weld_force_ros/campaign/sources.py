@@ -12,13 +12,13 @@ from typing import Literal
 
 import msgspec
 
-from weld_force_ros.bag import contract_messages, open_bag
 from weld_force_ros.campaign import profile_table
-from weld_force_ros.campaign.definition import Campaign, SourceFile
+from weld_force_ros.campaign.campaign_file import Campaign, SourceFile
 from weld_force_ros.campaign.profile_table import Unusable, Weld
 from weld_force_ros.errors import BagError, InputError, ProfileError
 from weld_force_ros.measurement.profile_file import PlainForm, read_profile
 from weld_force_ros.messages import WeldProfile, identity
+from weld_force_ros.recording import contract_messages, open_bag
 
 UNPACKED = "unpacked"
 """Folder beside the results for bags as tables."""

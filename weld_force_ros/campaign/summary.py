@@ -11,8 +11,8 @@ import duckdb
 from weld_force_ros.campaign import plan as plans
 from weld_force_ros.campaign import query
 from weld_force_ros.campaign.plan import Plan
-from weld_force_ros.report_page.document import self_contained
-from weld_force_ros.report_page.numbers import short
+from weld_force_ros.report.html_page import self_contained
+from weld_force_ros.report.numbers import short
 
 FILE = "summary.html"
 WORST = 50

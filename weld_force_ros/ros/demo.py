@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from weld_force_ros import replay
 from weld_force_ros.errors import InputError, WeldForceError
 from weld_force_ros.measurement import profile_file
+from weld_force_ros.recording import replay
 from weld_force_ros.ros import environment
-from weld_force_ros.ros.run import ALL_KINDS, KINDS, Kind, Suite, stop_signals
+from weld_force_ros.ros.launcher import ALL_KINDS, KINDS, Kind, Suite, stop_signals
 
 OUTCOME_WITHIN_S = 300.0
 TROLLEY_LENGTH_M = 110.0

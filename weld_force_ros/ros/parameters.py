@@ -6,7 +6,7 @@ from typing import Any
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 
-from weld_force_ros.node_parameters import PARAMETERS, NodeParameter
+from weld_force_ros.ros.parameter_file import PARAMETERS, NodeParameter
 
 
 def declare(node: Node, kind: str) -> None:

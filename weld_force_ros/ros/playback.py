@@ -25,11 +25,11 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProf
 from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
-from weld_force_ros.bag import Bag, MessageDefinition, Recorded, open_bag
 from weld_force_ros.errors import BagError, InputError
+from weld_force_ros.recording import Bag, MessageDefinition, Recorded, open_bag
 from weld_force_ros.ros import environment
-from weld_force_ros.ros.definitions import type_hash
-from weld_force_ros.ros.messenger import Outlet
+from weld_force_ros.ros.contract_topics import Outlet
+from weld_force_ros.ros.type_definitions import type_hash
 
 CLOCK_TOPIC = "/clock"
 CLOCK_PERIOD_S = 1 / 40

@@ -15,7 +15,7 @@ import yaml
 
 from weld_force_ros.errors import WeldForceError
 from weld_force_ros.ros import environment
-from weld_force_ros.ros.run import DRAIN_S, Kind, say, stop_signals, together
+from weld_force_ros.ros.launcher import DRAIN_S, Kind, say, stop_signals, together
 
 _LOOK_S = 0.1
 _SOON_S, _LATER_S = 0.5, 5.0
@@ -35,7 +35,7 @@ class Child:
     def __init__(self, kind: Kind, arguments: Sequence[str]) -> None:
         self.kind = kind
         self.starts = 0
-        self._command = [sys.executable, "-m", "weld_force_ros.ros.run", kind, *arguments]
+        self._command = [sys.executable, "-m", "weld_force_ros.ros.launcher", kind, *arguments]
         self._wait_s = _SOON_S
         self._start_at_s = 0.0
         self._process: subprocess.Popen[bytes] | None = None

@@ -7,7 +7,7 @@ from weld_force_ros.physics.analysis.spectra import CUT_HZ, Bands, Spectrum
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History
 from weld_force_ros.physics.passage.peak_map import Surface
-from weld_force_ros.report import BLUE, GREEN, GREY, RED, as_text, new_figure
+from weld_force_ros.report.figures import BLUE, GREEN, GREY, RED, as_text, new_figure
 from weld_force_ros.studies.laboratory import Picture
 from weld_force_ros.studies.spectrum_figures import mark_frequencies
 from weld_force_ros.studies.style import COLOURS

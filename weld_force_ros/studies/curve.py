@@ -9,7 +9,7 @@ from weld_force_ros.physics.analysis.speed_curve import CurveFeatures
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History
 from weld_force_ros.physics.passage.peak_map import Surface
-from weld_force_ros.report import new_figure
+from weld_force_ros.report.figures import new_figure
 from weld_force_ros.studies.laboratory import BILBAO, WELDS, Investigation, Laboratory, Measured, Picture, as_columns
 from weld_force_ros.studies.passages import features, first_maximum, hollow_after_maximum, split_peaks, two_highest
 from weld_force_ros.studies.style import COLOURS

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from weld_force_ros.assessment.judge import SOFTWARE
+from weld_force_ros import SOFTWARE
 from weld_force_ros.errors import InputError
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.physics.passage.passage import Rig

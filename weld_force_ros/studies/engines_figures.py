@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from weld_force_ros.physics.arrays import ComplexArray
-from weld_force_ros.report import BLUE, GREEN, GREY, ORANGE, RED, new_figure, save
+from weld_force_ros.report.figures import BLUE, GREEN, GREY, ORANGE, RED, new_figure, save
 from weld_force_ros.studies.comparison import Passage, error_of
 from weld_force_ros.studies.engines import FLATS, TARGETS, EnginesStudy, FlatCurve, ReceptanceSection
 from weld_force_ros.studies.orders import PAPERS_SECOND_ANGLE_KMH, OrderEffect

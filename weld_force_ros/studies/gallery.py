@@ -8,9 +8,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from weld_force_ros.assessment.judge import SOFTWARE
+from weld_force_ros import SOFTWARE
 from weld_force_ros.errors import InputError
-from weld_force_ros.report import save
+from weld_force_ros.report.figures import save
 from weld_force_ros.studies.laboratory import Investigation
 from weld_force_ros.studies.tables import Table
 
@@ -82,7 +82,7 @@ def write_page(
     except ImportError:
         remedy = "install it with `pip install 'weld_force_ros[report]'`"
         raise InputError("the gallery needs jinja2", remedy) from None
-    template = (resources.files("weld_force_ros.data") / "templates" / "gallery.html").read_text(encoding="utf-8")
+    template = (resources.files("weld_force_ros.report") / "assets" / "gallery.html").read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
     page = environment.from_string(template).render(
         title=title,

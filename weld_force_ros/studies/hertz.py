@@ -4,7 +4,7 @@ import numpy as np
 
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.peak_map import Surface
-from weld_force_ros.report import as_text, new_figure
+from weld_force_ros.report.figures import as_text, new_figure
 from weld_force_ros.studies import passages, variants
 from weld_force_ros.studies.laboratory import CONTINUOUS, Investigation, Laboratory, Measured, Picture, as_columns
 from weld_force_ros.studies.style import COLOURS

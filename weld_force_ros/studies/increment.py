@@ -16,7 +16,7 @@ from weld_force_ros.physics.analysis.speed_curve import SurfaceFeatures, surface
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import Rig
 from weld_force_ros.physics.passage.wheel_path import Trajectory
-from weld_force_ros.report import new_figure
+from weld_force_ros.report.figures import new_figure
 from weld_force_ros.studies.laboratory import BILBAO, WELDS, Investigation, Laboratory, Measured, Picture, grid_rows
 from weld_force_ros.studies.map_figures import draw_surface, name_sleepers, outline
 from weld_force_ros.studies.passages import SIGNIFICANT, SmoothRail, features

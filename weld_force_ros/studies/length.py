@@ -6,7 +6,7 @@ from weld_force_ros.physics.analysis.speed_curve import CurveFeatures
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History
 from weld_force_ros.physics.passage.peak_map import Surface
-from weld_force_ros.report import GREY, as_text, new_figure
+from weld_force_ros.report.figures import GREY, as_text, new_figure
 from weld_force_ros.studies import passages, records, variants
 from weld_force_ros.studies.laboratory import CONTINUOUS, Investigation, Laboratory, Measured, Picture, as_columns
 from weld_force_ros.studies.style import COLOURS

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.report import new_figure
+from weld_force_ros.report.figures import new_figure
 from weld_force_ros.studies.laboratory import Picture
 from weld_force_ros.studies.style import MAP, draw_map
 from weld_force_ros.studies.weld_map import WeldMap

@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History
-from weld_force_ros.report import new_figure
+from weld_force_ros.report.figures import new_figure
 from weld_force_ros.studies.laboratory import BILBAO, WELDS, Investigation, Laboratory, Measured, Picture, as_columns
 from weld_force_ros.studies.passages import SmoothRail
 from weld_force_ros.studies.style import COLOURS, mark_sleepers

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.report import GREY, new_figure
+from weld_force_ros.report.figures import GREY, new_figure
 from weld_force_ros.studies.population_rolling import (
     KINDS,
     THIRDS,

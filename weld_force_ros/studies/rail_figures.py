@@ -10,7 +10,7 @@ from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.physics.passage.peak_map import Surface
 from weld_force_ros.physics.track.cross_section import Mesh
 from weld_force_ros.physics.track.waveguide_rail import WaveShape
-from weld_force_ros.report import BLUE, GREY, RED, new_figure
+from weld_force_ros.report.figures import BLUE, GREY, RED, new_figure
 from weld_force_ros.studies.laboratory import Picture
 from weld_force_ros.studies.style import COLOURS
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.report import new_figure
+from weld_force_ros.report.figures import new_figure
 from weld_force_ros.studies.laboratory import BILBAO, Investigation, Laboratory, Measured, Picture, as_columns
 from weld_force_ros.studies.style import COLOURS, mark_sleepers
 from weld_force_ros.studies.tables import Column, Table

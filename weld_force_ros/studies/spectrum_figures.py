@@ -7,7 +7,7 @@ import numpy as np
 
 from weld_force_ros.physics.analysis.spectra import Spectrum, resonances_hz
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
-from weld_force_ros.report import GREY, new_figure
+from weld_force_ros.report.figures import GREY, new_figure
 from weld_force_ros.studies.laboratory import Picture
 from weld_force_ros.studies.style import COLOURS
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.report import BLUE, GREEN, GREY, ORANGE, RED
+from weld_force_ros.report.figures import BLUE, GREEN, GREY, ORANGE, RED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,7 +10,7 @@ import numpy as np
 
 from weld_force_ros.physics.analysis.speed_curve import Hollow
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.report import GREY, as_text, new_figure
+from weld_force_ros.report.figures import GREY, as_text, new_figure
 from weld_force_ros.studies.grids import COSINES_M, sampled_cosine
 from weld_force_ros.studies.laboratory import (
     FLAT,

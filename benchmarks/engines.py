@@ -1,0 +1,43 @@
+"""Time per passage of each engine in the study, and what a second thread brings."""
+
+from functools import partial
+from typing import Any
+
+from benchmarks import study, timing
+
+_REFERENCE_SPEED_KMH = 100.0
+_TIMES = 4
+
+
+def engines(repetitions: int) -> dict[str, Any]:
+    """Common poles and RFP roll the whole study; the reference one weld at one speed."""
+    fast, rational, reference = (study.study(engine) for engine in ("common-poles", "rfp", "reference"))
+    weld = reference.trajectories[study.WELDS[1]]
+    taken = timing.interleaved(
+        {
+            "common_poles": fast.roll,
+            "rfp": rational.roll,
+            "reference": lambda: reference.simulator.rig.surface(weld, [_REFERENCE_SPEED_KMH], reference.positions_m),
+        },
+        repetitions,
+    )
+    passages = {"common_poles": fast.passages, "rfp": rational.passages, "reference": study.POSITIONS}
+    found: dict[str, Any] = {}
+    for name, values in taken.items():
+        found |= timing.figure(f"{name}_per_passage_us", [1e6 * t / passages[name] for t in values])
+    return found
+
+
+def threads(repetitions: int) -> dict[str, Any]:
+    """The study four times over, in one stream, on one thread and on two, in turn."""
+    workload = study.study()
+    rigs = {count: study.rig(count) for count in (1, 2)}
+    taken = timing.interleaved(
+        {f"{_TIMES}_studies_{count}_thread_s": partial(workload.roll, rig, _TIMES) for count, rig in rigs.items()},
+        repetitions,
+    )
+    one, two = taken.values()
+    found: dict[str, Any] = {}
+    for name, values in taken.items():
+        found |= timing.figure(name, values)
+    return {**found, **timing.figure("two_threads_over_one", [a / b for a, b in zip(one, two, strict=True)])}

@@ -1,0 +1,219 @@
+"""How fast the nodes are: from a file to its verdict, one weld at a time and many at a steady rate."""
+
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from benchmarks.study import POSITIONS, SPEEDS
+from weld_force_ros.errors import WeldForceError
+from weld_force_ros.measurement import profile_file
+from weld_force_ros.messages import Rejection, Verdict, profile_sha256
+from weld_force_ros.recording import replay
+from weld_force_ros.simulation.settings import parse_speeds
+
+_PASSAGES = len(parse_speeds(SPEEDS)) * POSITIONS
+_WELD = "weld-1-dip"
+_DEEPER = 1e-4
+_FLOOD = 150
+_STALLED_S = 60.0
+
+
+def latencies(files: int = 20) -> dict[str, Any]:
+    """Time from a file's appearance to its published verdict, nodes warm, one file at a time; empty without ROS.
+
+    Raises:
+        WeldForceError: a weld got no verdict.
+    """
+    try:
+        with _nodes(files + 1) as nodes:
+            for file in nodes.files:
+                nodes.judge_alone(file)
+    except ImportError:
+        return {}
+    waited_s = nodes.waited_s[1:]  # the first compiles and loads
+    return {
+        "file_to_verdict_s_p50": float(np.percentile(waited_s, 50)),
+        "file_to_verdict_s_p95": float(np.percentile(waited_s, 95)),
+        "file_to_verdict_passages": _PASSAGES,
+    }
+
+
+def sustained(seconds: float = 60.0, welds_per_s: float = 5.0) -> dict[str, Any]:
+    """Welds at a steady rate through the whole suite, recording; then many at once, for the most it can do.
+
+    A weld is lost if its verdict was not published, or does not stand in the recording exactly once. Empty without ROS.
+
+    Args:
+        seconds: for how long files are offered.
+        welds_per_s: how many, evenly in time.
+
+    Raises:
+        WeldForceError: a weld was rejected, or the nodes stopped working.
+    """
+    try:
+        steady = _run(round(seconds * welds_per_s), 1 / welds_per_s)
+        flood = _run(_FLOOD, 0.0)
+    except ImportError:
+        return {}
+    return {
+        "sustained_welds_per_s": steady.welds / steady.elapsed_s,
+        "sustained_offered_per_s": steady.offered_per_s,
+        "sustained_s": steady.elapsed_s,
+        "sustained_welds": steady.welds,
+        "sustained_lost": steady.lost + flood.lost,
+        "sustained_file_to_verdict_s_p95": steady.waited_s_p95,
+        "sustained_queue_longest": steady.queue_longest,
+        "sustained_most_welds_per_s": flood.verdicts_per_s,
+    }
+
+
+@dataclass(frozen=True)
+class _Run:
+    """What became of the welds of one run; `elapsed_s` is from the first file to the last verdict."""
+
+    welds: int
+    lost: int
+    elapsed_s: float
+    offered_per_s: float
+    verdicts_per_s: float
+    waited_s_p95: float
+    queue_longest: int
+
+
+def _run(welds: int, interval_s: float) -> _Run:
+    with _nodes(welds + 1) as nodes:
+        nodes.judge_alone(nodes.files[0])
+        began = time.perf_counter()
+        for number, file in enumerate(nodes.files[1:]):
+            time.sleep(max(0.0, began + number * interval_s - time.perf_counter()))
+            nodes.offer(file)
+        nodes.wait_for_verdicts(welds + 1)
+    offered, judged = list(nodes.offered_s.values())[1:], list(nodes.judged_s.values())[1:]
+    if len(judged) < 2:
+        raise WeldForceError(f"{len(judged)} of {welds} welds were judged; look at the nodes' log")
+    return _Run(
+        welds=welds,
+        lost=len(nodes.lost),
+        elapsed_s=judged[-1] - offered[0],
+        offered_per_s=_rate_per_s(offered),
+        verdicts_per_s=_rate_per_s(judged),
+        waited_s_p95=float(np.percentile(nodes.waited_s[1:], 95)),
+        queue_longest=nodes.queue_longest,
+    )
+
+
+def _rate_per_s(times_s: list[float]) -> float:
+    return (len(times_s) - 1) / (times_s[-1] - times_s[0])
+
+
+class _Nodes:
+    """The suite's files and verdicts: when each weld was offered, and when it was judged."""
+
+    def __init__(self, folder: Path, welds: int) -> None:
+        self.bag = folder / "bag"
+        self.measurements = folder / "measurements"
+        self.measurements.mkdir()
+        self.files = _weld_files(folder / "prepared", welds)
+        self.offered_s: dict[str, float] = {}
+        self.judged_s: dict[str, float] = {}
+        self.queue_longest = 0
+        self.lost: set[str] = set()
+        self._refused: str | None = None
+        self._changed = threading.Condition()
+
+    @property
+    def waited_s(self) -> list[float]:
+        """From file to verdict, in order of the files."""
+        return [self.judged_s[weld] - at for weld, at in self.offered_s.items() if weld in self.judged_s]
+
+    def judge_alone(self, file: Path) -> None:
+        """Offer one weld when no other is under way."""
+        self.offer(file)
+        self.wait_for_verdicts(len(self.offered_s))
+        if file.stem not in self.judged_s:
+            raise WeldForceError(f"no verdict on {file.name} within {_STALLED_S:g} s; look at the nodes' log")
+
+    def offer(self, file: Path) -> None:
+        self.offered_s[file.stem] = time.perf_counter()
+        file.rename(self.measurements / file.name)
+        self.queue_longest = max(self.queue_longest, len(self.offered_s) - len(self.judged_s))
+
+    def wait_for_verdicts(self, count: int) -> None:
+        """Until there are so many verdicts, or none has come for long."""
+        with self._changed:
+            while len(self.judged_s) < count and self._refused is None and self._changed.wait(_STALLED_S):
+                pass
+        if self._refused is not None:
+            raise WeldForceError(self._refused)
+
+    def note_verdict(self, verdict: Verdict) -> None:
+        with self._changed:
+            self.judged_s[verdict.weld_id] = time.perf_counter()
+            self._changed.notify()
+
+    def note_rejection(self, rejection: Rejection) -> None:
+        with self._changed:
+            self._refused = f"{rejection.source} was rejected: {rejection.reason}"
+            self._changed.notify()
+
+    def look_for_lost(self) -> None:
+        """Compare what was offered with what was judged and recorded."""
+        recorded = Counter(verdict.weld_id for verdict in replay.read(self.bag).verdicts)
+        self.lost = {weld for weld in self.offered_s if weld not in self.judged_s or recorded[weld] != 1}
+
+
+@contextmanager
+def _nodes(welds: int) -> Iterator[_Nodes]:
+    """The suite at work, recording; afterwards drained, closed and its recording read.
+
+    Raises:
+        ImportError: there is no ROS.
+        WeldForceError: a node cannot work, or does not finish.
+    """
+    from weld_force_ros.ros.demo import keep_to_itself
+    from weld_force_ros.ros.launcher import Suite
+
+    keep_to_itself()
+    with tempfile.TemporaryDirectory() as folder:
+        nodes = _Nodes(Path(folder), welds)
+        with Suite(
+            parameters={
+                "profile": {"folder": str(nodes.measurements)},
+                "simulator": {"speeds": SPEEDS},
+                "assessment": {"bag": str(nodes.bag)},
+            },
+            ros_args=["--ros-args", "--log-level", "warn"],
+            on_verdict=nodes.note_verdict,
+            on_rejection=nodes.note_rejection,
+        ) as suite:
+            yield nodes
+            left, failure = suite.drain(), suite.failure
+        if failure is not None:
+            raise WeldForceError(f"a node stopped: {failure}")
+        if left:
+            raise WeldForceError(f"{left} messages were left after draining")
+        nodes.look_for_lost()
+
+
+def _weld_files(folder: Path, count: int) -> list[Path]:
+    """Measurement files of distinct welds: the same dip, each a little deeper."""
+    folder.mkdir()
+    dip = profile_file.read_profile(profile_file.find(_WELD))
+    files = []
+    for number in range(count):
+        heights_m = [height * (1 + _DEEPER * number) for height in dip.z_m]
+        weld = msgspec.structs.replace(
+            dip, weld_id=f"weld-{number}", z_m=heights_m, profile_sha256=profile_sha256(dip.x_m, heights_m)
+        )
+        files.append(folder / f"{weld.weld_id}.csv")
+        profile_file.write_profile(weld, files[-1])
+    return files

@@ -1,0 +1,170 @@
+"""The same passages by general solvers: what speed and accuracy are measured against.
+
+Every solver starts from the same state on smooth rail and rolls until shortly behind the weld, or behind the peak that
+the kernel found if that comes later.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from benchmarks import study, timing
+from benchmarks.study import Study
+from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.engines.common_poles import PoleModel
+from weld_force_ros.physics.passage import _kernel
+from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.state_space import first_order_hold
+from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, Trajectory
+
+SAMPLE = 28
+_SEED = 20180301
+_SAMPLED_S = 10e-6
+_RUNGE_KUTTA_STEP_S = 5e-6
+_BEHIND_PEAK_M = 0.05
+
+Cell = tuple[str, int, int]
+
+
+class SolvedPassage:
+    """One passage over a track of common poles as an initial value problem."""
+
+    def __init__(
+        self, rig: Rig, trajectory: Trajectory, speed_kmh: float, position_m: float, until_m: float = -np.inf
+    ) -> None:
+        """Take over where a passage of `rig` begins; `until_m` prolongs it."""
+        model = rig.model
+        if not isinstance(model, PoleModel):
+            raise TypeError("only tracks of common poles are solved this way")
+        start = rig.start(trajectory, speed_kmh, position_m)
+        speed = speed_kmh / 3.6
+        poles, roller = model.poles_rad_s, rig.roller
+        shapes = np.sqrt(model.pair_weight) * model.shapes_at(roller.grid_m * np.arange(roller.grid))
+        table = np.stack([shapes.real, shapes.imag], axis=2).reshape(roller.grid, -1)
+        pieces = np.ascontiguousarray(-trajectory.spline.c)
+        to_first = position_m + trajectory.start_m - start.x_m
+        self.state = self._physical(model, start.x_m, start.dt_s, start.rail, start.wheel)
+        self.end_s = (max(start.last_m, until_m + _BEHIND_PEAK_M) - start.x_m) / speed
+        self._equations = (
+            poles.real.copy(), poles.imag.copy(), table, roller.grid_m, pieces, RESAMPLED_STEP_M, start.x_m, to_first,
+            speed, roller.physics,
+        )  # fmt: skip
+        self._slope = np.empty(len(self.state))
+
+    def peak_by_lsoda(self, rtol: float) -> float:
+        """Peak force by `scipy.integrate.solve_ivp` on the compiled equations."""
+        at = np.linspace(0.0, self.end_s, int(self.end_s / _SAMPLED_S) + 2)
+        scale = np.abs(self.state) + 1e-9
+        solution = solve_ivp(
+            self._rate, (0.0, self.end_s), self.state, "LSODA", t_eval=at, rtol=rtol, atol=rtol * scale, max_step=1e-4
+        )
+        states = np.ascontiguousarray(solution.y.T)
+        return float(max(self._force(t, y) for t, y in zip(solution.t, states, strict=True)))
+
+    def peak_by_runge_kutta(self) -> float:
+        """Peak force by a compiled Runge-Kutta method in steps of 5 µs."""
+        steps = int(self.end_s / _RUNGE_KUTTA_STEP_S) + 1
+        return float(_kernel.peak_by_runge_kutta(self.state, _RUNGE_KUTTA_STEP_S, steps, *self._equations))
+
+    def _force(self, t: float, y: FloatArray) -> float:
+        return float(_kernel.rate(t, y, *self._equations, self._slope))
+
+    def _rate(self, t: float, y: FloatArray) -> FloatArray:
+        self._force(t, y)
+        return self._slope.copy()
+
+    @staticmethod
+    def _physical(model: PoleModel, x_m: float, dt_s: float, rail: FloatArray, wheel: FloatArray) -> FloatArray:
+        """The states q_k of the equations (times the root of the pair's weight), from the kernel's scaled ones."""
+        decay, old, new = first_order_hold(model.poles_rad_s, dt_s)
+        shape = np.sqrt(model.pair_weight) * model.shapes_at(x_m)[0]
+        states = (rail[0::2] + 1j * rail[1::2]) * (decay * new + old) + new * shape * wheel[2]
+        return np.concatenate([np.stack([states.real, states.imag], axis=1).ravel(), wheel[:2]])
+
+
+def speed_against_solver(repetitions: int) -> dict[str, Any]:
+    """The study by the kernel and a sample of it by LSODA (rtol 1e-6), in turn: time per passage, and the ratio."""
+    workload, rig = study.study(), study.rig()
+    sample = sampled(workload)
+    taken = timing.interleaved(
+        {
+            "kernel": lambda: workload.roll(rig),
+            "lsoda": lambda: [_solved(rig, workload, cell).peak_by_lsoda(1e-6) for cell in sample],
+        },
+        repetitions,
+    )
+    kernel = [1e6 * t / workload.passages for t in taken["kernel"]]
+    lsoda = [1e3 * t / len(sample) for t in taken["lsoda"]]
+    ratios = [1e3 * slow / fast for slow, fast in zip(lsoda, kernel, strict=True)]
+    return {
+        **timing.figure("ratio_to_solve_ivp", ratios),
+        "study_passages": workload.passages,
+        **timing.figure("study_s", taken["kernel"]),
+        **timing.figure("per_passage_us", kernel),
+        "solve_ivp_passages": len(sample),
+        **timing.figure("solve_ivp_lsoda_rtol_1e-6_ms", lsoda),
+    }
+
+
+def accuracy() -> dict[str, Any]:
+    """Errors of peak forces: of the kernel and of LSODA at rtol 1e-6 against rtol 1e-10 on a sample, per cent.
+
+    Every passage of the study is also compared with a compiled Runge-Kutta method, whose own distance from rtol 1e-10
+    is given.
+    """
+    workload, rig = study.study(), study.rig()
+    surfaces = {
+        name: rig.surface(trajectory, workload.speeds_kmh, workload.positions_m)
+        for name, trajectory in workload.trajectories.items()
+    }
+    sample = sampled(workload)
+    solved = [_solved(rig, workload, cell, surfaces) for cell in sample]
+    tight = np.array([passage.peak_by_lsoda(1e-10) for passage in solved])
+    usual = np.array([passage.peak_by_lsoda(1e-6) for passage in solved])
+    bridge = np.array([passage.peak_by_runge_kutta() for passage in solved])
+    kernel = np.array([surfaces[name].peak_force_n[row, column] for name, row, column in sample])
+    cells: list[Cell] = [
+        (name, row, column)
+        for name, surface in surfaces.items()
+        for row, column in np.ndindex(surface.peak_force_n.shape)
+    ]
+    with ThreadPoolExecutor() as pool:
+        every = np.array(
+            list(pool.map(lambda cell: _solved(rig, workload, cell, surfaces).peak_by_runge_kutta(), cells))
+        )
+    found = np.array([surfaces[name].peak_force_n[row, column] for name, row, column in cells])
+    return {
+        "peak_error_percent_max": float(_percent(found, every).max()),
+        "peak_error_percent_median": float(np.median(_percent(found, every))),
+        "peak_error_passages": len(cells),
+        "sample_peak_error_percent_max": float(_percent(kernel, tight).max()),
+        "sample_solve_ivp_error_percent_max": float(_percent(usual, tight).max()),
+        "sample_runge_kutta_error_percent_max": float(_percent(bridge, tight).max()),
+        "sample_passages": len(sample),
+    }
+
+
+def sampled(workload: Study) -> list[Cell]:
+    """Passages drawn with a fixed seed, as many over each weld."""
+    random = np.random.default_rng(_SEED)
+    rows, columns = len(workload.speeds_kmh), len(workload.positions_m)
+    return [
+        (name, int(random.integers(rows)), int(random.integers(columns)))
+        for name in workload.welds
+        for _ in range(SAMPLE // len(workload.welds))
+    ]
+
+
+def _solved(rig: Rig, workload: Study, cell: Cell, surfaces: dict[str, Surface] | None = None) -> SolvedPassage:
+    name, row, column = cell
+    until = surfaces[name].peak_x_m[row, column] if surfaces else -np.inf
+    trajectory = workload.trajectories[name]
+    return SolvedPassage(rig, trajectory, workload.speeds_kmh[row], workload.positions_m[column], until)
+
+
+def _percent(values: FloatArray, exact: FloatArray) -> NDArray[np.float64]:
+    return np.asarray(100 * np.abs(values / exact - 1))

@@ -1,0 +1,1 @@
+"""The one command, `weld-force`: a module for each command."""

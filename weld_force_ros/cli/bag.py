@@ -1,0 +1,115 @@
+"""`weld-force bag`: look into, repair and export recordings."""
+
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from weld_force_ros.cli import json_output
+from weld_force_ros.cli.options import BagPath, Json
+from weld_force_ros.errors import InputError
+
+if TYPE_CHECKING:
+    from weld_force_ros.recording import FileSummary, Outcomes, RecoveryReport
+
+app = typer.Typer(help="Look into, repair and export recordings.", rich_markup_mode=None)
+
+Recovered = Annotated[Path | None, typer.Argument(help="Folder of the recovered bag (default: BAG-recovered).")]
+Exported = Annotated[Path, typer.Argument(help="New .mcap file for Foxglove or Lichtblick, or new folder for tables.")]
+Formats = Annotated[list[str] | None, typer.Option("--format", help="Of tables: csv (default), parquet, or each.")]
+
+
+@app.command("info")
+def bag_info(bag: BagPath, json: Json = None) -> None:
+    """What a recording holds, what state it is in, and how its measurements ended."""
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.recording import open_bag, outcomes
+
+    opened = open_bag(bag)
+    found, ended = opened.summary(), outcomes(opened)
+    with json_output.lines(json) as out:
+        json_output.write(out, {**asdict(found), "outcomes": asdict(ended) if ended else None})
+    terminal.table(
+        f"{found.path}: {found.message_count} messages, {found.duration_s:.1f} s, {found.size_bytes / 1e3:.0f} kB",
+        [("topic", ""), ("type", ""), ("messages", "right")],
+        [(t.topic, t.type_name, str(t.message_count)) for t in found.topics],
+    )
+    terminal.table(
+        "Files",
+        [("file", ""), ("begins (UTC)", ""), ("s", "right"), ("messages", "right"), ("kB", "right"), ("state", "")],
+        map(_file_row, found.files),
+    )
+    if ended:
+        terminal.say(_ended(ended))
+    terminal.say(found.damage or "closed and indexed" if found.closed else f"not closed: {found.damage}")
+
+
+def _file_row(file: "FileSummary") -> tuple[str, ...]:
+    begins = datetime.fromtimestamp(file.start_ns // 10**9, UTC).strftime("%Y-%m-%d %H:%M:%S")
+    return (
+        file.name,
+        begins if file.message_count else "",
+        f"{file.duration_s:.1f}",
+        str(file.message_count),
+        f"{file.size_bytes / 1e3:.0f}",
+        file.damage or ("closed and indexed" if file.indexed else "closed"),
+    )
+
+
+def _ended(ended: "Outcomes") -> str:
+    return (
+        f"{ended.measurements} profiles: {ended.verdicts} verdicts, {ended.rejections} rejections, "
+        f"{ended.open} without either, {ended.doubled} with more than one"
+    )
+
+
+@app.command("recover")
+def bag_recover(bag: BagPath, target: Recovered = None) -> None:
+    """Write what is readable of a cut recording to a proper one. Exit codes: 0 clean, 1 failed, 3 lossy."""
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.recording import recover
+
+    try:
+        recovered = recover(bag, target)
+    except InputError as error:
+        _complain(error)
+        raise typer.Exit(1) from None
+    if recovered.damage:
+        terminal.say(f"{bag}: {recovered.damage}")
+    there = "are in {} already" if recovered.already else "recovered to {}"
+    terminal.say(f"{recovered.message_count} messages {there.format(recovered.target)}; {_lost(recovered)}")
+    if recovered.lossy:
+        raise typer.Exit(3)
+
+
+def _lost(recovered: "RecoveryReport") -> str:
+    if not recovered.lossy:
+        return "nothing lost"
+    unsaid = "" if recovered.lost_messages else " (how many messages, the file cannot tell)"
+    return f"lost: {recovered.lost_messages or 'some'} messages, {recovered.lost_bytes} bytes unreadable{unsaid}"
+
+
+@app.command("export")
+def bag_export(bag: BagPath, target: Exported, formats: Formats = None) -> None:
+    """Write the suite's messages as JSON channels with their schemas, or as tables of CSV or Parquet."""
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.recording import export_json, export_tables
+
+    if target.suffix == ".mcap":
+        if formats:
+            raise InputError(f"--format {formats[0]} is of tables, {target} is none", "name a folder, or omit --format")
+        exported = export_json(bag, target, on_refused=_complain)
+    else:
+        exported = export_tables(bag, target, formats or ["csv"], on_refused=_complain)
+    terminal.say(f"{exported.message_count} messages exported to {target}")
+    if exported.layouts:
+        names = " or ".join(str(path) for path in exported.layouts)
+        terminal.say(f"layout: {names}  (Foxglove, Lichtblick: open the export, then import this layout)")
+
+
+def _complain(error: InputError) -> None:
+    from weld_force_ros.cli import terminal
+
+    terminal.say("weld-force: " + " ".join(str(error).split()))

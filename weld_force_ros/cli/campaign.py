@@ -1,0 +1,300 @@
+"""`weld-force campaign`: the welds of a whole network assessed on Dask, shown and asked."""
+
+import math
+import os
+import time
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from msgspec.structs import replace
+from typer.core import TyperGroup
+
+from weld_force_ros.cli import json_output
+from weld_force_ros.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+    from weld_force_ros.campaign.batch_records import Manifest, Record
+    from weld_force_ros.campaign.estimate import Estimate
+    from weld_force_ros.campaign.plan import Plan
+    from weld_force_ros.campaign.query import Answer
+
+
+class _RunsByDefault(TyperGroup):
+    """`campaign FILE` is `campaign run FILE`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if args and args[0] not in self.commands and args[0] not in ("--help", "-h"):
+            args = ["run", *args]
+        return super().parse_args(ctx, args)
+
+
+app = typer.Typer(
+    cls=_RunsByDefault,
+    help="The welds of a whole network on Dask: `campaign FILE.yaml` runs one, `campaign query` asks its results.",
+    rich_markup_mode=None,
+    no_args_is_help=True,
+)
+
+queries = typer.Typer(help="Ask the results of a campaign.", rich_markup_mode=None, no_args_is_help=True)
+app.add_typer(queries, name="query")
+
+_SHOWN = 30
+
+File = Annotated[Path, typer.Argument(metavar="CAMPAIGN.yaml", help="What to assess, and how.")]
+Out = Annotated[Path | None, typer.Option("--out", "-o", help="Folder for the results (default: the file's own).")]
+Json = Annotated[str | None, typer.Option("--json", metavar="FILE|-", help="Write JSON lines to a file or stdout.")]
+Results = Annotated[Path, typer.Argument(metavar="RESULTS", help="The folder that a campaign wrote.")]
+Show = Annotated[int, typer.Option(min=0, help="Rows shown at most.")]
+Workers = Annotated[
+    int | None, typer.Option(min=1, max=10_000, help="Processes on this machine (default: one a core).")
+]
+
+
+@app.command()
+def run(
+    file: File,
+    out: Out = None,
+    plan: Annotated[bool, typer.Option("--plan", help="Say how long it takes and how large it gets, no more.")] = False,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler; else a cluster is made.")] = None,
+    workers: Workers = None,
+    page: Annotated[bool, typer.Option("--page/--no-page", help="Write the summary page.")] = True,
+    json: Json = None,
+) -> None:
+    """Assess all welds of a campaign; interrupted, the same command goes on where it stopped."""
+    from weld_force_ros.cli import terminal
+
+    campaign = _module("campaign_file").read(file)
+    campaign = replace(campaign, out=(out or campaign.out).absolute())
+    planned: Plan = _module("plan").make(campaign, _module("sources").find(campaign, terminal.say))
+    count = workers or os.cpu_count() or 1
+    with json_output.lines(json) as lines:
+        if plan:
+            json_output.write(lines, _plan_line(planned, _planned(planned, count)))
+        else:
+            json_output.write(lines, _result_line(_run(planned, campaign.out, scheduler, count), campaign.out))
+            if page:
+                summary(campaign.out)
+
+
+@app.command()
+def summary(results: Results) -> None:
+    """Write the summary page of results again; it needs no network to be looked at."""
+    from weld_force_ros.cli import terminal
+
+    terminal.say(f"summary: {_module('summary').write(results)}")
+
+
+@queries.command()
+def over(
+    results: Results,
+    at: Annotated[float, typer.Option(help="Speed in km/h; the nearest computed one that is not above it counts.")],
+    peak: Annotated[float | None, typer.Option(help="Peak force in N that counts as too much.")] = None,
+    show: Show = _SHOWN,
+    json: Json = None,
+) -> None:
+    """Welds over a limit at a speed: of peak force, or the campaign's own for a line of that speed."""
+    _tell(f"Over the limit at {at:g} km/h", _module("query").over(results, at, peak), show, json)
+
+
+@queries.command()
+def worse(
+    results: Results,
+    to: Annotated[float, typer.Option(help="Speed of the restriction in km/h.")],
+    by: Annotated[float, typer.Option(help="Only those whose peak force rises by more than this share.")] = 0.0,
+    show: Show = _SHOWN,
+    json: Json = None,
+) -> None:
+    """Welds that a speed restriction would make worse."""
+    _tell(f"Worse at {to:g} km/h", _module("query").worse_if_restricted(results, to, by), show, json)
+
+
+@queries.command()
+def changed(
+    before: Results,
+    after: Annotated[Path, typer.Argument(help="The folder of a later campaign of the same welds.")],
+    by: Annotated[float, typer.Option(help="Also those whose peak force changed by more than this share.")] = math.inf,
+    show: Show = _SHOWN,
+    json: Json = None,
+) -> None:
+    """Welds that two campaigns decide otherwise, or that only one of them holds."""
+    _tell("Changed", _module("query").changed(before, after, by), show, json)
+
+
+@queries.command()
+def sql(
+    results: Results,
+    text: Annotated[str, typer.Argument(help="SQL over verdicts, speeds and rejections.")],
+    show: Show = _SHOWN,
+    json: Json = None,
+) -> None:
+    """Anything else, in DuckDB's SQL."""
+    _tell("Answer", _module("query").ask(results, text), show, json)
+
+
+def _tell(title: str, answer: "Answer", at_most: int, json: str | None) -> None:
+    from weld_force_ros.cli import terminal
+
+    with json_output.lines(json) as lines:
+        for record in answer.records:
+            json_output.write(lines, record)
+    if json != "-":
+        shown = answer.shown(at_most)
+        terminal.table(title, [(name, "") for name in answer.columns], shown)
+        terminal.say(f"{len(shown):,} of {len(answer.rows):,}; all of them with --json FILE")
+
+
+def _module(name: str) -> Any:
+    """A module of the campaign.
+
+    Raises:
+        InputError: what it needs is not installed.
+    """
+    try:
+        return import_module(f"weld_force_ros.campaign.{name}")
+    except ImportError as error:
+        raise InputError(
+            f"a campaign needs {error.name}", "install it with `pip install 'weld_force_ros[campaign]'`"
+        ) from None
+
+
+def _planned(plan: "Plan", workers: int) -> "Estimate":
+    """Time a few welds, and say what all of them will take."""
+    from weld_force_ros.cli import terminal
+
+    estimate = _module("estimate")
+    with terminal.progress() as bar:
+        task = bar.add_task("timing a few welds", total=min(estimate.TRIALS, plan.batches))
+        expected: Estimate = estimate.estimate(plan, workers, on_trial=lambda: bar.advance(task))
+    _show_plan(plan, expected)
+    return expected
+
+
+def _show_plan(plan: "Plan", expected: "Estimate") -> None:
+    from weld_force_ros.campaign import estimate
+    from weld_force_ros.cli import terminal
+
+    low_s, about_s, high_s = expected.seconds
+    terminal.table(
+        f"Plan: {plan.name}",
+        [("what", ""), ("value", "")],
+        [
+            ("welds", f"{plan.welds:,} in {len(plan.sources)} sources, {plan.batches:,} batches"),
+            ("sections", ", ".join(f"{s.name} ({', '.join(s.vehicles)})" for s in plan.sections)),
+            ("passages of a weld", f"{plan.passages:,} at most"),
+            ("a weld under a vehicle", f"{expected.weld_s[0] * 1e3:.2f} ± {expected.weld_s[1] * 1e3:.2f} ms here"),
+            ("time", f"{duration(about_s)} on {expected.workers} workers ({duration(low_s)} to {duration(high_s)})"),
+            ("results", f"{expected.bytes / 1e6:,.1f} MB"),
+        ],
+    )
+    terminal.say(
+        f"by: {estimate.START_S:g} s to start + welds x vehicles x time of one / "
+        f"(workers x {estimate.EFFICIENCY:g}), or {estimate.DRIVER_S * 1e3:g} ms a batch if that is more; "
+        "timed in this process, on this machine"
+    )
+
+
+def _run(plan: "Plan", out: Path, scheduler: str | None, workers: int) -> "Manifest":
+    from weld_force_ros.cli import terminal
+
+    running = _module("dask_run")
+    finished: list[Record] = running.prepare(plan, out)
+    if finished:
+        terminal.say(f"{len(finished):,} of {plan.batches:,} batches are finished already")
+    began = time.perf_counter()
+    if len(finished) < plan.batches:
+        _planned(plan, workers)
+        began = time.perf_counter()
+        _assess(plan, out, finished, scheduler, workers)
+    manifest: Manifest = running.complete(plan, out)
+    terminal.say(
+        f"{manifest.welds:,} welds: {manifest.verdicts:,} verdicts, {manifest.rejections:,} rejections in "
+        f"{duration(time.perf_counter() - began)}; results {manifest.results_sha256[:16]} in {out}"
+    )
+    return manifest
+
+
+def _assess(plan: "Plan", out: Path, finished: "list[Record]", scheduler: str | None, workers: int) -> None:
+    """Have what is open assessed, and show how it goes."""
+    from weld_force_ros.cli import terminal
+
+    running = _module("dask_run")
+    terminal.say("starting workers" if scheduler is None else f"connecting to {scheduler}")
+    with running.cluster(scheduler, workers) as client:
+        terminal.say(f"dashboard: {client.dashboard_link}")
+        progress = _Progress(sum(record.welds for record in finished), plan.welds)
+        with progress.bar:
+            failed = running.distribute(client, plan, out, {record.batch for record in finished}, progress.add)
+    if failed:
+        first = failed[0]
+        terminal.say(f"{len(failed)} batches are open; batch {first.batch}: {first.reason}")
+        terminal.say("the same command tries them again; the others are finished")
+        raise typer.Exit(1)
+
+
+class _Progress:
+    """How far a run is: a bar with rate and time left on a terminal, elsewhere a line now and then."""
+
+    _EVERY_S = 30.0
+
+    def __init__(self, before: int, welds: int) -> None:
+        self._before, self._welds, self._done = before, welds, before
+        self._began = self._said = time.monotonic()
+        self.bar = _bar()
+        self._task = self.bar.add_task("", total=welds, completed=before, rate=0.0)
+
+    def add(self, record: "Record") -> None:
+        """A batch is finished."""
+        from weld_force_ros.cli import terminal
+
+        self._done += record.welds
+        now = time.monotonic()
+        rate = (self._done - self._before) / (now - self._began)
+        self.bar.update(self._task, completed=self._done, rate=rate)
+        if self.bar.disable and now - self._said > self._EVERY_S:
+            self._said = now
+            left = duration((self._welds - self._done) / rate)
+            terminal.say(f"{self._done:,} of {self._welds:,} welds, {rate:,.0f} welds/s, {left} left")
+
+
+def _bar() -> "Progress":
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    from weld_force_ros.cli import terminal
+
+    return Progress(
+        TextColumn("{task.completed:,.0f} of {task.total:,.0f} welds"),
+        BarColumn(),
+        TextColumn("{task.fields[rate]:,.0f} welds/s"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=terminal.console,
+        transient=True,
+        disable=not terminal.console.is_terminal,
+    )
+
+
+def duration(seconds: float) -> str:
+    """`5 s`, `3 min 20 s`, `4 h 07 min`."""
+    minutes, rest = divmod(round(seconds), 60)
+    if minutes >= 60:
+        return f"{minutes // 60:,} h {minutes % 60:02d} min"
+    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
+
+
+def _plan_line(plan: "Plan", expected: "Estimate") -> dict[str, Any]:
+    low_s, about_s, high_s = expected.seconds
+    return {
+        "plan_sha256": plan.sha256, "welds": plan.welds, "batches": plan.batches, "workers": expected.workers,
+        "passages_per_weld": plan.passages, "weld_s": expected.weld_s[0], "seconds": about_s,
+        "seconds_range": [low_s, high_s], "bytes": expected.bytes,
+    }  # fmt: skip
+
+
+def _result_line(manifest: "Manifest", out: Path) -> dict[str, Any]:
+    names = ("plan_sha256", "batches", "welds", "verdicts", "rejections", "results_sha256")
+    return {name: getattr(manifest, name) for name in names} | {"out": str(out)}

@@ -1,0 +1,99 @@
+"""`weld-force grind`: the least removal of metal that brings measured welds within their limits."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.cli import json_output
+from weld_force_ros.cli.options import EngineName, Json, Limits, Positions, Speeds, Track
+from weld_force_ros.errors import InputError
+from weld_force_ros.simulation.settings import parse_positions, parse_speeds, simulation_settings
+
+if TYPE_CHECKING:
+    from weld_force_ros.assessment.grinding import Adviser
+    from weld_force_ros.messages import GrindingAdvice
+
+_MM, _MM2, _KN = 1e3, 1e6, 1e-3
+
+
+def grind(
+    profiles: Annotated[list[str], typer.Argument(help="Profile files, or names of shipped profiles.")],
+    track: Track = "bilbao",
+    engine: EngineName = "common-poles",
+    speeds: Speeds = "20:300:5",
+    positions: Positions = "15",
+    limits: Limits = None,
+    band_limit: Annotated[float, typer.Option("--band-limit", help="Shortest wavelength that is ground, m.")] = 0.10,
+    stone_radius: Annotated[float, typer.Option("--stone-radius", help="Of the grinding stone, m.")] = 0.15,
+    json: Json = None,
+    plot: Annotated[Path | None, typer.Option(help="Picture of each weld (several: a number is added).")] = None,
+) -> None:
+    """The least removal of metal that brings welds within their limits, rolled again by the reference engine."""
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.measurement.profile_file import find, read_profile
+    from weld_force_ros.report import figures
+
+    adviser = _adviser(track, engine, speeds, positions, limits, band_limit, stone_radius)
+    welds = [read_profile(find(name)) for name in profiles]
+    found = []
+    with json_output.lines(json) as out, terminal.progress() as bar:
+        for number, profile in enumerate(welds, start=1):
+            task = bar.add_task(f"grinding {profile.weld_id}", total=None)
+            advice = adviser.advise(profile)
+            bar.remove_task(task)
+            json_output.write(out, advice)
+            found.append(advice)
+            if plot:
+                picture = plot if len(welds) == 1 else plot.with_stem(f"{plot.stem}-{number}")
+                figures.save(figures.grinding(advice), picture)
+    terminal.table(
+        "Least removal of metal",
+        [
+            ("weld", ""), ("decision", ""), ("deepest mm", "right"), ("area mm²", "right"), ("peak kN", "right"),
+            ("reference kN", "right"), ("s", "right"), ("what to do", ""),
+        ],
+        [_row(advice) for advice in found],
+    )  # fmt: skip
+    if not all(advice.reached for advice in found):
+        raise typer.Exit(1)
+
+
+def _adviser(
+    track: str,
+    engine: str,
+    speeds: str,
+    positions: str,
+    limits: Path | None,
+    band_limit_m: float,
+    stone_radius_m: float,
+) -> "Adviser":
+    from weld_force_ros.assessment.grinding import Adviser
+    from weld_force_ros.assessment.grinding_search import Grinder
+    from weld_force_ros.cli import terminal
+
+    if not 0.01 <= band_limit_m <= 2.0:
+        raise InputError(f"--band-limit {band_limit_m:g} cannot be ground", "give 0.01 to 2 m")
+    settings = simulation_settings(
+        track=track,
+        engine=engine,
+        speeds_kmh=parse_speeds(speeds),
+        positions=parse_positions(positions),
+    )
+    grinder = Grinder(band_limit_m=band_limit_m, stone_radius_m=stone_radius_m)
+    return Adviser(settings, load_limits(limits), grinder, on_fit=terminal.say)
+
+
+def _row(advice: "GrindingAdvice") -> tuple[str, ...]:
+    reference = advice.reference_peak_n
+    return (
+        advice.weld_id,
+        f"{advice.decision_before} → {advice.decision_after}",
+        f"{advice.most_removed_m * _MM:.3f}",
+        f"{advice.removed_m2 * _MM2:.1f}",
+        f"{max(advice.peak_before_n) * _KN:.0f} → {max(advice.peak_after_n) * _KN:.0f}",
+        f"{reference * _KN:.0f}" if isinstance(reference, float) else "",
+        f"{advice.elapsed_s:.1f}",
+        advice.reason,
+    )

@@ -1,0 +1,103 @@
+"""`weld-force report`: a recording or force maps as one page that people read, and on paper."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from weld_force_ros._files import writing
+from weld_force_ros.cli.options import Limits
+from weld_force_ros.errors import InputError, WeldForceError
+from weld_force_ros.report.html_page import page
+from weld_force_ros.report.table_row import row
+from weld_force_ros.report.weld_detail import detail
+
+if TYPE_CHECKING:
+    from weld_force_ros.messages import AssessmentSettings, GrindingAdvice, SimulationSettings, WeldProfile
+    from weld_force_ros.recording.weld_records import Entry, Grind, Weld
+
+Of = Annotated[Path, typer.Argument(metavar="BAG|MAP", help="A bag, or force maps of `simulate --json FILE`.")]
+Out = Annotated[Path, typer.Option("--out", "-o", help="The page (HTML).")]
+Pdf = Annotated[Path | None, typer.Option(help="Also print it, by a Chromium that is installed.")]
+Grinding = Annotated[bool, typer.Option("--grinding", help="Search for the least grinding of what is not accepted.")]
+
+
+def report(of: Of, out: Out, pdf: Pdf = None, limits: Limits = None, grinding: Grinding = False) -> None:
+    """One self-contained page of welds: what to do with each and why; usable offline, on a phone and on paper."""
+    from weld_force_ros.assessment.limits import load_limits
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.report.pdf import print_pdf
+
+    if pdf is not None:
+        _refuse_without_browser(pdf)
+    entries = _entries(of, load_limits(limits) if limits else None)
+    with terminal.progress() as bar:
+        if grinding:
+            task = bar.add_task("searching for the least grinding", total=len(entries))
+            entries = _with_grinding(entries, lambda: bar.advance(task))
+        rows, details = [], []
+        for number, entry in enumerate(bar.track(entries, description="writing the page"), start=1):
+            rows.append(row(number, entry))
+            details.append(detail(entry))
+        html = page(rows, details, title="Rail welds", about=f"from {of.absolute().name}")
+    with writing(out) as file:
+        file.write(html)
+    terminal.say(f"written: {out}, {len(rows)} welds, {len(html.encode()) / 1e6:.1f} MB")
+    if pdf is not None:
+        with terminal.console.status("printing"):
+            print_pdf(out, pdf)
+        terminal.say(f"written: {pdf}")
+
+
+def _entries(of: Path, limits: "AssessmentSettings | None") -> "list[Entry]":
+    from weld_force_ros.assessment.limits import load_limits
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.recording import weld_records
+    from weld_force_ros.recording.replay import read
+
+    if of.is_file() and of.suffix != ".mcap":
+        return weld_records.mapped(weld_records.read_maps(of), limits or load_limits())
+    recording = read(of)
+    if recording.damage:
+        terminal.say(f"{of}: {recording.damage}; reporting what is there")
+    for unreadable in recording.unreadable:
+        terminal.say(f"{of}: left out: {unreadable}")
+    entries = weld_records.recorded(recording, limits, load_limits())
+    if not entries:
+        raise InputError(f"{of} holds no verdict, force map or rejection", "record with `weld-force up` or `demo`")
+    return entries
+
+
+def _with_grinding(entries: "list[Entry]", on_done: Callable[[], None]) -> "list[Entry]":
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.recording import weld_records
+
+    def failed(weld: "Weld", error: WeldForceError) -> None:
+        terminal.say(f"no advice on grinding {weld.verdict.weld_id}: {error}")
+
+    return list(weld_records.with_grinding(entries, _grind(), on_done=on_done, on_failed=failed))
+
+
+def _grind() -> "Grind":
+    """Advice on grinding; what a search under the same settings and limits needs is made once."""
+    from weld_force_ros.assessment.grinding import Adviser
+    from weld_force_ros.cli import terminal
+
+    advisers: dict[tuple[str, str], Adviser] = {}
+
+    def grind(profile: "WeldProfile", settings: "SimulationSettings", limits: "AssessmentSettings") -> "GrindingAdvice":
+        key = (settings.config_sha256, limits.limits_sha256)
+        if key not in advisers:
+            advisers[key] = Adviser(settings, limits, on_fit=terminal.say)
+        return advisers[key].advise(profile)
+
+    return grind
+
+
+def _refuse_without_browser(pdf: Path) -> None:
+    """Before anything is computed, not after."""
+    from weld_force_ros.report.pdf import BROWSER_VARIABLE, find_browser
+
+    if find_browser() is None:
+        raise InputError(f"no Chromium was found to print {pdf}", f"install one, or name it in {BROWSER_VARIABLE}")

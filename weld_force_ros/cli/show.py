@@ -1,0 +1,210 @@
+"""`weld-force show`: the welds of a recording on a terminal, and one of them with its force-speed curve."""
+
+import textwrap
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from weld_force_ros.cli import json_output
+from weld_force_ros.cli.options import BagPath, Json
+from weld_force_ros.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+    from weld_force_ros.messages import Criterion, Verdict
+    from weld_force_ros.recording.weld_records import Entry, Weld
+
+_WORST_FIRST = ("reject", "grind", "undecided", "unusable", "accept")
+_WIDTH = 80
+_MOST_NAMES = 10
+_SHOWN_AS = {"N": (1e-3, "kN", ".0f"), "m": (1e3, "mm", ".3g"), "s": (1e3, "ms", ".3g"), "1": (1.0, "", ".3g")}
+
+Named = Annotated[str | None, typer.Argument(metavar="[WELD]", help="Only this weld (default: all, then the worst).")]
+Restrict = Annotated[
+    float | None,
+    typer.Option(metavar="KMH", min=1.0, max=1000.0, help="Also say what running at most at so many km/h would do."),
+]
+
+
+def show(bag: BagPath, weld: Named = None, restrict: Restrict = None, json: Json = None) -> None:
+    """The welds of a recording, the worst first, and of one its force over speed, its criteria and advice."""
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.recording.weld_records import Weld
+
+    entries = sorted(_read(bag), key=_severity)
+    welds = [entry for entry in entries if isinstance(entry, Weld)]
+    if weld is not None:
+        welds = [_last_of(weld, welds, bag)]
+    with json_output.lines(json) as out:
+        for one in welds:
+            json_output.write(out, one.verdict if restrict is None else _restricted_line(one, restrict))
+    if weld is None:
+        last = "what to do" if restrict is None else f"at most {restrict:g} km/h"
+        terminal.table(
+            f"Welds of {bag}, the worst first",
+            [("decision", ""), ("weld", ""), ("worst criterion", ""), ("up to km/h", "right"), (last, "")],
+            _front_rows(entries, restrict),
+        )
+    if welds:
+        _show_one(welds[0], restrict)
+
+
+def _read(bag: Path) -> "list[Entry]":
+    from weld_force_ros.assessment.limits import load_limits
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.recording.replay import read
+    from weld_force_ros.recording.weld_records import recorded
+
+    recording = read(bag)
+    if recording.damage:
+        terminal.say(f"{bag}: {recording.damage}; showing what is there")
+    for unreadable in recording.unreadable:
+        terminal.say(f"{bag}: left out: {unreadable}")
+    entries = recorded(recording, None, load_limits())
+    if not entries:
+        raise InputError(f"{bag} holds no verdict, force map or rejection", "record with `weld-force up` or `demo`")
+    return entries
+
+
+def _last_of(name: str, welds: "Sequence[Weld]", bag: Path) -> "Weld":
+    """The weld of a name, as it was judged last."""
+    found = [one for one in welds if one.verdict.weld_id == name]
+    if found:
+        return max(found, key=lambda one: (one.verdict.stamp.sec, one.verdict.stamp.nanosec))
+    names = list(dict.fromkeys(one.verdict.weld_id for one in welds))
+    more = f" or {len(names) - _MOST_NAMES} others" if len(names) > _MOST_NAMES else ""
+    raise InputError(f"{bag} holds no verdict on {name!r}", f"name {', '.join(names[:_MOST_NAMES])}{more}")
+
+
+def _severity(entry: "Entry") -> tuple[int, float]:
+    from weld_force_ros.assessment.limits import ratio, worst
+    from weld_force_ros.recording.weld_records import Weld
+
+    if not isinstance(entry, Weld):
+        return _WORST_FIRST.index("unusable"), 0.0
+    return _WORST_FIRST.index(entry.verdict.decision), -ratio(worst(entry.verdict.criteria))
+
+
+def _front_rows(entries: "Sequence[Entry]", restrict: float | None) -> "Iterator[tuple[str | Text, ...]]":
+    from weld_force_ros.assessment.limits import worst
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.recording.weld_records import Weld
+    from weld_force_ros.report.table_row import row
+
+    for number, entry in enumerate(entries, start=1):
+        about = row(number, entry)
+        advice = str(about["advice"])
+        if not isinstance(entry, Weld):
+            yield terminal.unusable(), str(about["weld"]), "", "", advice
+            continue
+        verdict, permitted = entry.verdict, about.get("permitted_kmh")
+        yield (
+            terminal.decision(verdict.decision),
+            verdict.weld_id,
+            _held_against(worst(verdict.criteria)),
+            "?" if permitted is None else f"{permitted:g}" if permitted else "none",
+            advice if restrict is None else _restricted(entry, restrict),
+        )
+
+
+def _held_against(criterion: "Criterion") -> str:
+    return (
+        f"{criterion.name} {_number(criterion.value, criterion.unit)} of {_quantity(criterion.limit, criterion.unit)}"
+    )
+
+
+def _number(value: float, unit: str) -> str:
+    factor, _, form = _SHOWN_AS.get(unit, (1.0, unit, ".4g"))
+    return f"{value * factor:{form}}"
+
+
+def _quantity(value: float, unit: str) -> str:
+    _, shown, _ = _SHOWN_AS.get(unit, (1.0, unit, ".4g"))
+    return f"{_number(value, unit)} {shown}".rstrip()
+
+
+def _under_restriction(weld: "Weld", kmh: float) -> "Verdict | str":
+    """The verdict if nothing ran faster, or why there is none."""
+    from msgspec.structs import replace
+
+    from weld_force_ros.assessment.judge import judge
+
+    if weld.force_map is None or weld.limits is None:
+        return f"not known, its {'force map' if weld.force_map is None else 'limits'} not recorded"
+    if kmh >= weld.verdict.judged_speed_kmh:
+        return f"no change, judged up to {weld.verdict.judged_speed_kmh:g} km/h"
+    if kmh < weld.force_map.speeds_kmh[0]:
+        return f"not known, nothing was computed below {weld.force_map.speeds_kmh[0]:g} km/h"
+    try:
+        return judge(replace(weld.force_map, line_speed_kmh=kmh), weld.limits)
+    except InputError as error:
+        return f"not known, {error.reason}"
+
+
+def _restricted(weld: "Weld", kmh: float) -> str:
+    then = _under_restriction(weld, kmh)
+    if isinstance(then, str):
+        return then
+    change = then.peak_force_n / weld.verdict.peak_force_n - 1
+    return f"{then.decision.upper()}, peak {_quantity(then.peak_force_n, 'N')} ({100 * change:+.0f} %)"
+
+
+def _restricted_line(weld: "Weld", kmh: float) -> dict[str, object]:
+    then = _under_restriction(weld, kmh)
+    outcome = {"not_judged": then} if isinstance(then, str) else {"restricted": then}
+    return {"weld_id": weld.verdict.weld_id, "at_most_kmh": kmh, "recorded": weld.verdict, **outcome}
+
+
+def _show_one(weld: "Weld", restrict: float | None) -> None:
+    from rich.text import Text
+
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.report.terminal_plot import curve_plot
+
+    verdict, console = weld.verdict, terminal.console
+    console.print()
+    console.print(Text.assemble(terminal.decision(verdict.decision), " ", terminal.plain(verdict.weld_id)))
+    _say_wrapped(verdict.reason)
+    if weld.force_map is None:
+        terminal.say("no curve: its force map is not in the recording")
+    else:
+        unicode = console.encoding.startswith("utf")
+        terminal.say(curve_plot(weld.force_map, verdict, width=min(console.width, _WIDTH), unicode=unicode))
+    _show_criteria(verdict.criteria)
+    for line in (*verdict.advice, *(f"not judged, as it was not computed: {name}" for name in verdict.unjudged)):
+        _say_wrapped(f"- {line}")
+    if restrict is not None:
+        _say_wrapped(f"- running at most at {restrict:g} km/h: {_restricted(weld, restrict)}")
+
+
+def _say_wrapped(text: str) -> None:
+    from weld_force_ros.cli import terminal
+
+    terminal.say(textwrap.fill(text, min(terminal.console.width, _WIDTH), subsequent_indent="  "))
+
+
+def _show_criteria(criteria: "Sequence[Criterion]") -> None:
+    from weld_force_ros.cli import terminal
+
+    chances = any(isinstance(c.exceeding, float) for c in criteria)
+    columns = [("criterion", ""), ("value", "right"), ("limit", "right"), ("reject above", "right")]
+    columns += [("at km/h", "right"), ("", ""), *([("chance", "right")] if chances else [])]
+    terminal.table("Criteria", columns, [_criterion_row(c)[: len(columns)] for c in criteria])
+    if not all(c.verified for c in criteria):
+        terminal.say("* UNVERIFIED: this limit was not checked against its source")
+
+
+def _criterion_row(criterion: "Criterion") -> tuple[str, ...]:
+    c = criterion
+    return (
+        c.name if c.verified else f"{c.name}*",
+        _quantity(c.value, c.unit),
+        _number(c.limit, c.unit),
+        _number(c.reject_limit, c.unit) if isinstance(c.reject_limit, float) else "",
+        f"{c.speed_kmh:g}" if isinstance(c.speed_kmh, float) else "",
+        ("" if c.passed else "over") + ("" if c.decides else " (not counted)"),
+        f"{100 * c.exceeding:.0f} %" if isinstance(c.exceeding, float) else "",
+    )

@@ -1,0 +1,150 @@
+"""`weld-force study`: the paper's investigation, each part by a command of its own."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from weld_force_ros.cli import json_output
+
+if TYPE_CHECKING:
+    from weld_force_ros.studies.gallery import Shown
+
+app = typer.Typer(
+    help="The paper's studies on this software or on a weld of your own, and the engines compared.",
+    rich_markup_mode=None,
+)
+
+Out = Annotated[Path, typer.Option(help="Folder for figures, data, and what a second run need not compute.")]
+Profile = Annotated[Path | None, typer.Option(help="A weld of your own in place of the paper's.")]
+OwnTrack = Annotated[str | None, typer.Option("--track", help="A track in place of the paper's: shipped, or a file.")]
+Quick = Annotated[bool, typer.Option("--quick", help="A third of the speeds and positions, to see whether it works.")]
+Json = Annotated[str | None, typer.Option("--json", metavar="FILE|-", help="Write JSON lines to a file or stdout.")]
+
+# The names and the order of `weld_force_ros.studies.paper.STUDIES`, which is not imported before a command runs.
+_SUMMARIES = {
+    "validation": "Wheel flats: the envelope over positions, and speeds up to 300 km/h (figures 7, 8).",
+    "map": "Peak force over speed and position of the five welds (figures 10, 16, 17, 20, 21).",
+    "curve": "Force against speed, with the passages at chosen speeds (figure 11).",
+    "motion": "Force, weld, wheel and rail along the track (figure 12).",
+    "smooth": "The force without a weld (figure 13).",
+    "increment": "The force over that of smooth rail (figure 22).",
+    "length": "Two dips, one twice as long (figure 23).",
+    "hertz": "The contact's stiffness (section 6.1).",
+    "spectrum": "Spectra of force and weld, and the track's resonances (figures 25, 26).",
+    "bands": "The force below and above 530 Hz (figures 27, 28).",
+    "population": "Synthetic welds: class of geometry against behaviour (sections 4, 7).",
+}
+
+
+def _study(name: str) -> Callable[..., None]:
+    def run(out: Out, profile: Profile = None, track: OwnTrack = None, quick: Quick = False, json: Json = None) -> None:
+        from weld_force_ros.cli import terminal
+        from weld_force_ros.measurement import profile_file
+        from weld_force_ros.studies import laboratory, paper
+
+        weld = None if profile is None else profile_file.read_profile(profile)
+        lab = laboratory.Laboratory(own_weld=weld, own_track=track, coarse=quick)
+        with terminal.console.status(f"study {name}"):
+            studied = paper.run_one(name, lab, out)
+        with json_output.lines(json) as lines:
+            json_output.write(lines, studied.measured)
+        _tell(studied.shown, out)
+
+    run.__doc__ = _SUMMARIES[name]
+    return run
+
+
+for _name in _SUMMARIES:
+    app.command(_name)(_study(_name))
+
+
+@app.command("all")
+def study_all(out: Out, quick: Quick = False, json: Json = None) -> None:
+    """Every study of the paper, its claims judged one by one (claims.json), and all figures on one page."""
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.studies import claims, laboratory, paper
+
+    with terminal.progress() as bar:
+        studied = paper.run_all(
+            laboratory.Laboratory(coarse=quick),
+            out,
+            stage=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
+        )
+    with json_output.lines(json) as lines:
+        for judged in studied.judged:
+            json_output.write(lines, judged)
+    terminal.show_table(claims.table(studied.judged))
+    terminal.show_table(claims.summary(studied.judged))
+    _tell(studied.shown, out)
+    if quick:
+        terminal.say(paper.COARSE.strip())
+    terminal.say(f"claims:  {out / 'claims.json'}")
+    terminal.say(f"gallery: {out / 'gallery.html'}")
+
+
+@app.command("engines")
+def study_engines(
+    out: Out,
+    quick: Annotated[bool, typer.Option("--quick", help="A small grid, to see whether it works.")] = False,
+    json: Json = None,
+) -> None:
+    """Compare the fitted engines with the reference over shapes, speeds, positions and tracks (some minutes)."""
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.studies import engines, engines_figures
+
+    with terminal.progress() as bar:
+        found = engines.run(
+            out,
+            quick=quick,
+            stage=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
+            on_fit=terminal.say,
+        )
+    with json_output.lines(json) as lines:
+        for outcome in found.outcomes:
+            json_output.write(lines, outcome)
+    for name in ("errors-by-shape", "orders", "outcomes"):
+        terminal.show_table(found.tables[name])
+    pictures = engines_figures.write(found, out)
+    terminal.say(f"{out}: {len(found.tables)} tables (CSV), engines.json, {len(pictures)} figures (PNG, SVG)")
+
+
+@app.command("rail")
+def study_rail(
+    out: Out,
+    track: Annotated[str, typer.Option("--track", help="A track: shipped, or a file.")] = "bilbao",
+    section: Annotated[str, typer.Option(help="The strips' section, if the track's rail is a beam.")] = "60E1",
+    quick: Quick = False,
+    json: Json = None,
+) -> None:
+    """Beam and finite strips: waves, receptances to 5 kHz, peak forces (a minute or two)."""
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.studies import gallery, rail
+
+    gallery.made(out / "rail")  # before anything is computed
+    with terminal.progress() as bar:
+        found = rail.run(
+            track,
+            section,
+            coarse=quick,
+            stage=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
+            say=terminal.say,
+        )
+    shown = gallery.write_investigation(found, out)
+    gallery.write_page(out / "rail.html", [shown], title=found.title, introduction="One track with either rail.")
+    with json_output.lines(json) as lines:
+        json_output.write(lines, found.measured)
+    for name in ("parting", "forces"):
+        terminal.show_table(found.tables[name])
+    _tell([shown], out)
+    terminal.say(f"page: {out / 'rail.html'}")
+
+
+def _tell(shown: "list[Shown]", out: Path) -> None:
+    from weld_force_ros.cli import terminal
+
+    figures = sum(len(study.pictures) for study in shown)
+    tables = sum(len(study.tables) for study in shown)
+    terminal.say(f"{out}: {figures} figures (PNG, SVG), {tables} tables (CSV)")

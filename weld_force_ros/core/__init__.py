@@ -1,1 +1,0 @@
-"""The science: track receptance, fits, passages, verdicts. No ROS, no files, no printing."""

@@ -1,0 +1,43 @@
+"""Recordings: MCAP in the form that rosbag2 (Jazzy) gives it, written and read without ROS.
+
+While a recording runs, each message is one whole write to an unchunked file, so that a killed process loses none. A
+file that is finished, by a split or at the end, is completed, then rewritten beside in compressed and indexed chunks
+and exchanged at once: whenever the process ends, a readable recording lies there, and the next one continues it.
+Reading goes straight through the records and needs no index, so that an intact and a cut file are read alike, the cut
+one up to the cut.
+"""
+
+from weld_force_ros.recording.contract_messages import ContractMessage, Outcomes, contract_messages, outcomes
+from weld_force_ros.recording.json_export import ExportReport, export_json
+from weld_force_ros.recording.mcap_reader import Recorded
+from weld_force_ros.recording.reader import Bag, FileSummary, Summary, TopicSummary, open_bag, stored, summary
+from weld_force_ros.recording.recorder import Recorder
+from weld_force_ros.recording.recovery import RecoveryReport, recover
+from weld_force_ros.recording.rosbag2_format import STRING, MessageDefinition, offered_qos, string_cdr
+from weld_force_ros.recording.table_export import FORMATS, export_tables
+
+__all__ = [
+    "FORMATS",
+    "STRING",
+    "Bag",
+    "ContractMessage",
+    "ExportReport",
+    "FileSummary",
+    "MessageDefinition",
+    "Outcomes",
+    "Recorded",
+    "Recorder",
+    "RecoveryReport",
+    "Summary",
+    "TopicSummary",
+    "contract_messages",
+    "export_json",
+    "export_tables",
+    "offered_qos",
+    "open_bag",
+    "outcomes",
+    "recover",
+    "stored",
+    "string_cdr",
+    "summary",
+]

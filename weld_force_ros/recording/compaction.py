@@ -1,0 +1,89 @@
+"""Exchanging the files of a recording for compressed and indexed ones, one at a time in the background."""
+
+import os
+import shutil
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from queue import SimpleQueue
+
+from weld_force_ros._files import NO_ROOM, new_file, sync_folder
+from weld_force_ros.errors import BagError
+from weld_force_ros.recording.disk_space import DiskSpace
+from weld_force_ros.recording.mcap_reader import McapFile
+from weld_force_ros.recording.mcap_writer import write_whole
+from weld_force_ros.recording.metadata_file import Listing
+from weld_force_ros.recording.rosbag2_format import Tally
+
+EVIDENCE = ".cut"
+"""What the name of a damaged file, kept beside what was readable of it, ends in."""
+
+KEPT = "its messages are kept: check the disk, then run `weld-force bag recover` on it"
+"""What to do where a recording could not be completed."""
+
+
+class Compactor:
+    """Exchanges files, each at once, so that at any moment a readable one lies there.
+
+    A file for which there is no room stays as it is until it is tried again.
+    """
+
+    def __init__(self, listing: Listing, space: DiskSpace) -> None:
+        self._listing = listing
+        self._space = space
+        self._postponed: SimpleQueue[Path] = SimpleQueue()
+        self._failures: SimpleQueue[BagError] = SimpleQueue()
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="compaction")
+
+    def take(self, path: Path) -> None:
+        """Exchange a file that is no longer written to."""
+        self._pool.submit(self._try, path)
+
+    def take_postponed(self) -> None:
+        """Try those again for which there was no room."""
+        for _ in range(self._postponed.qsize()):
+            self.take(self._postponed.get())
+
+    def close(self) -> None:
+        """Wait for what is under way.
+
+        Raises:
+            BagError: a file could not be exchanged, for another reason than a full disk; its messages are kept.
+        """
+        self._pool.shutdown(wait=True)
+        if not self._failures.empty():
+            raise self._failures.get()
+
+    def _try(self, path: Path) -> None:
+        try:
+            if self._space.has_room_for(path.stat().st_size):
+                self._listing.put((path, _compacted(path)))
+            else:
+                self._postponed.put(path)
+        except OSError as error:
+            if error.errno in NO_ROOM:
+                self._postponed.put(path)
+            else:
+                self._failures.put(BagError(f"{path}: {error.strerror or error}", KEPT))
+        except BagError as error:
+            self._failures.put(error)
+
+
+def _compacted(path: Path) -> Tally:
+    file = McapFile(path)
+    file.scan()
+    if file.lost_bytes:
+        _keep_beside(path, path.with_name(f"{path.name}{EVIDENCE}"))
+    messages = iter(()) if file.refusal else file.ordered()
+    write_whole(path, messages, file.tally)
+    return file.tally
+
+
+def _keep_beside(path: Path, evidence: Path) -> None:
+    if evidence.exists():
+        return
+    try:
+        os.link(path, evidence)
+        sync_folder(path.parent)
+    except OSError:  # a file system without links
+        with new_file(evidence) as target, path.open("rb") as source:
+            shutil.copyfileobj(source, target)

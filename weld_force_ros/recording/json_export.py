@@ -1,0 +1,84 @@
+"""The suite's messages as plain JSON with their schemas, in an MCAP of their own for Foxglove and Lichtblick."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import msgspec
+
+from weld_force_ros._files import disk, new_file, refuse_existing
+from weld_force_ros.errors import BagError
+from weld_force_ros.messages import Message, encode, json_schema
+from weld_force_ros.recording.contract_messages import recorded_messages
+from weld_force_ros.recording.foxglove_layout import layout
+from weld_force_ros.recording.mcap_writer import McapWriter
+from weld_force_ros.recording.reader import open_bag
+from weld_force_ros.recording.rosbag2_format import MessageDefinition
+
+
+@dataclass(frozen=True)
+class ExportReport:
+    """How many messages were exported, and how many were not because they break the contract.
+
+    Attributes:
+        layouts: written beside, one for each namespace in it.
+    """
+
+    message_count: int
+    refused_count: int
+    layouts: tuple[Path, ...] = ()
+
+
+def export_json(source: Path, target: Path, *, on_refused: Callable[[BagError], None] | None = None) -> ExportReport:
+    """Write the suite's messages as JSON with their schemas to an MCAP of their own, and beside it layouts to see them.
+
+    Args:
+        source: a bag folder or an .mcap file.
+        target: the new .mcap file; must not exist.
+        on_refused: told of each message that breaks the contract.
+
+    Raises:
+        BagError: the source is unreadable or holds no message of the suite, or the target exists or cannot be written.
+    """
+    bag = open_bag(source)
+    refuse_existing(target)
+    refused_count = 0
+    with disk(target), new_file(target) as stream:
+        writer = McapWriter(stream, chunked=True, profile="")
+        for recorded, message in recorded_messages(bag):
+            if isinstance(message, BagError):
+                refused_count += 1
+                if on_refused:
+                    on_refused(message)
+                continue
+            # Encoded anew: fields that the schema does not know may hold what Lichtblick throws on.
+            data = encode(message)
+            writer.add(recorded.topic, _json_definition(type(message)), data, *recorded[3:])
+        writer.finish()
+        check_found(source, writer.tally.message_count)
+    namespaces = sorted({topic.rpartition("/")[0] for topic, _ in writer.tally.counts})
+    return ExportReport(writer.tally.message_count, refused_count, tuple(_write_layouts(target, namespaces)))
+
+
+def _write_layouts(target: Path, namespaces: list[str]) -> Iterator[Path]:
+    """One layout beside an export, or one for each namespace if it has several."""
+    for namespace in namespaces:
+        name = namespace.replace("/", ".") if len(namespaces) > 1 else ""
+        path = target.with_suffix(f"{name}.layout.json")
+        with disk(path), new_file(path) as stream:
+            stream.write(layout(namespace))
+        yield path
+
+
+def check_found(source: Path, message_count: int) -> None:
+    """Raise a BagError if there was nothing to export."""
+    if not message_count:
+        raise BagError(f"{source} holds no usable message of this suite", "record with `weld-force up` or `demo`")
+
+
+@lru_cache
+def _json_definition(kind: type[Message]) -> MessageDefinition:
+    schema = msgspec.json.encode(json_schema(kind)).decode()
+    name = f"weld_force_ros/{kind.__name__}"
+    return MessageDefinition(name, schema, schema_encoding="jsonschema", message_encoding="json")

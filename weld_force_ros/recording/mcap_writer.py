@@ -1,0 +1,164 @@
+"""Writing MCAP files in rosbag2's form, and putting files and folders in place as wholes."""
+
+import errno
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from mcap.writer import Writer
+
+from weld_force_ros._files import new_file
+from weld_force_ros.errors import BagError
+from weld_force_ros.recording.mcap_reader import McapFile, Recorded
+from weld_force_ros.recording.rosbag2_format import MessageDefinition, Tally, information, to_yaml
+
+_FORCED_BYTES = 8 * 2**20  # of a whole file, at a time
+
+
+class WholeWrites:
+    """A file that grows by whole writes: one that fails leaves the file as it was before."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("xb", buffering=0)
+        self._size = 0
+        self._gathered: bytearray | None = None
+
+    @contextmanager
+    def gathering(self) -> Iterator[bytearray]:
+        """Writes are gathered, to be written as one by who asked for it."""
+        self._gathered = bytearray()
+        try:
+            yield self._gathered
+        finally:
+            self._gathered = None
+
+    def write(self, data: bytes) -> int:
+        """Append all of it, or raise OSError and append nothing."""
+        if self._gathered is not None:
+            self._gathered += data
+            return len(data)
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError:
+            self._file.truncate(self._size)
+            self._file.seek(self._size)
+            raise
+        self._size += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        """Bytes written or gathered."""
+        return self._size + len(self._gathered or b"")
+
+    def flush(self) -> None:
+        """Nothing is held back."""
+
+    def check_exists(self) -> None:
+        """Raise OSError if somebody removed the file: what is written to it would be gone."""
+        if os.fstat(self._file.fileno()).st_nlink == 0:
+            raise FileNotFoundError(errno.ENOENT, "the file was removed while it was written", self._file.name)
+
+    def sync(self) -> None:
+        """Force what was written to the disk."""
+        os.fdatasync(self._file.fileno())
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+class McapWriter:
+    """An MCAP file that registers channels as they come."""
+
+    def __init__(self, stream: BinaryIO | WholeWrites, *, chunked: bool, profile: str = "ros2") -> None:
+        self.tally = Tally()
+        self._chunked = chunked
+        self._schemas: dict[tuple[str, str, str], int] = {}
+        self._channels: dict[tuple[str, MessageDefinition], int] = {}
+        self._writer = Writer(stream, use_chunking=chunked)
+        self._writer.start(profile)
+
+    def add(
+        self, topic: str, definition: MessageDefinition, data: bytes, log_time_ns: int, publish_time_ns: int
+    ) -> None:
+        """Write one message."""
+        channel = self._channels.get((topic, definition)) or self._register(topic, definition)
+        try:
+            self._writer.add_message(channel, log_time_ns, data, publish_time_ns)
+        except OSError:
+            self._uncount(channel)
+            raise
+        self.tally.add(topic, definition, log_time_ns)
+
+    def _uncount(self, channel: int) -> None:
+        """Take a message that failed out of the file's statistics, which the library counts before it writes."""
+        statistics = self._writer._Writer__statistics
+        statistics.channel_message_counts[channel] -= 1
+        statistics.message_count = self.tally.message_count
+        statistics.message_start_time, statistics.message_end_time = self.tally.start_ns, self.tally.last_ns
+
+    def _register(self, topic: str, definition: MessageDefinition) -> int:
+        described = (definition.name, definition.schema_encoding, definition.text)
+        schema = self._schemas.get(described)
+        if schema is None:
+            text = definition.text.encode(errors="surrogateescape")
+            schema = self._writer.register_schema(definition.name, definition.schema_encoding, text)
+        metadata = {"offered_qos_profiles": definition.offered_qos_profiles, "topic_type_hash": definition.type_hash}
+        said = {key: value for key, value in metadata.items() if value}
+        channel: int = self._writer.register_channel(topic, definition.message_encoding, schema, said)
+        if not self._chunked:
+            # A channel counts as registered only once it is in the file, or a full disk would orphan its messages.
+            self._writer.flush()
+        self._schemas[described], self._channels[topic, definition] = schema, channel
+        return channel
+
+    def note(self, content: dict[str, Any]) -> None:
+        """Write rosbag2's metadata record."""
+        self._writer.add_metadata("rosbag2", {"serialized_metadata": to_yaml(content)})
+
+    def finish(self) -> None:
+        """Write what ends a file."""
+        self._writer.finish()
+
+
+def write_whole(path: Path, messages: Iterable[Recorded], tally: Tally) -> None:
+    """Write messages in log order as one compressed, indexed file in rosbag2's form, and read it before it is named.
+
+    Args:
+        path: the file; one that is there is exchanged at once.
+        messages: in log order.
+        tally: what they are.
+
+    Raises:
+        BagError: what was written does not read back.
+        OSError: it cannot be written.
+    """
+    with new_file(path) as stream:
+        writer = McapWriter(stream, chunked=True)
+        content = information({path.name: tally})
+        writer.note(content)
+        unforced_bytes = 0
+        for recorded in messages:
+            writer.add(*recorded)
+            unforced_bytes += len(recorded.data)
+            if unforced_bytes > _FORCED_BYTES:  # all at the end would keep a recording beside from the disk for long
+                stream.flush()
+                os.fdatasync(stream.fileno())
+                unforced_bytes = 0
+        writer.note(content)
+        writer.finish()
+        stream.flush()
+        again = McapFile(Path(stream.name))
+        again.scan()
+        if again.damage or again.tally.counts != tally.counts:
+            raise BagError(f"{path}: did not read back as written", "check the disk and try again")
+
+
+def write_metadata(directory: Path, files: Mapping[str, Tally]) -> None:
+    """Write a recording's `metadata.yaml`: its files by name, and what each holds."""
+    with new_file(directory / "metadata.yaml") as stream:
+        stream.write(to_yaml({"rosbag2_bagfile_information": information(files)}).encode())

@@ -1,0 +1,33 @@
+"""`metadata.yaml` of a recording that grows: its files, and what each holds."""
+
+import threading
+from pathlib import Path
+
+from weld_force_ros.recording.mcap_writer import write_metadata
+from weld_force_ros.recording.rosbag2_format import Tally
+
+
+class Listing:
+    """The files of a recording in order; every change is written at once. Safe to use from several threads."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._files: dict[str, Tally] = {}
+        self._lock = threading.Lock()
+
+    def put(self, *files: tuple[Path, Tally]) -> None:
+        """Note files, or what they hold by now.
+
+        Raises:
+            OSError: `metadata.yaml` cannot be written; the next change makes up for it.
+        """
+        with self._lock:
+            for path, tally in files:
+                self._files[path.name] = Tally(dict(tally.counts), tally.first_ns, tally.last_ns)
+            write_metadata(self._directory, self._files)
+
+    def drop(self, path: Path) -> None:
+        """Forget a file; errors as `put`."""
+        with self._lock:
+            self._files.pop(path.name, None)
+            write_metadata(self._directory, self._files)

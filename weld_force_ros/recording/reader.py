@@ -1,0 +1,235 @@
+"""Reading recordings: a bag folder with its files, or one file."""
+
+import heapq
+import re
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from weld_force_ros import _yaml
+from weld_force_ros.errors import BagError
+from weld_force_ros.recording.mcap_reader import McapFile, Recorded
+from weld_force_ros.recording.rosbag2_format import Tally, together
+
+
+@dataclass(frozen=True)
+class TopicSummary:
+    """One topic of a recording."""
+
+    topic: str
+    type_name: str
+    message_count: int
+
+
+@dataclass(frozen=True)
+class FileSummary:
+    """One file of a recording; `damage` is None for one that was closed and is whole."""
+
+    name: str
+    size_bytes: int
+    message_count: int
+    start_ns: int
+    duration_s: float
+    closed: bool
+    indexed: bool
+    damage: str | None
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a recording holds and what state it is in; `damage` is None for one that was closed and is whole."""
+
+    path: str
+    files: tuple[FileSummary, ...]
+    size_bytes: int
+    message_count: int
+    start_ns: int
+    duration_s: float
+    topics: tuple[TopicSummary, ...]
+    closed: bool
+    indexed: bool
+    lost_bytes: int
+    lost_messages: int
+    damage: str | None
+
+
+class Bag:
+    """A recording, scanned once when opened: what is damaged is known before the first message is used.
+
+    Attributes:
+        path: what was opened.
+        files: its files, in order; those of which nothing can be read too.
+        tally: what they hold together.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """See `open_bag`."""
+        self.path = path
+        self.files = _files(path)
+        if not self.files:
+            raise BagError(f"{path} holds no .mcap file", "give a bag folder or an .mcap file")
+        for file in self.files:
+            file.scan()
+        refusals = [file.refusal for file in self.files if file.refusal]
+        if len(refusals) == len(self.files):
+            raise refusals[0]
+        self._readable = [file for file in self.files if not file.refusal]
+        self.tally: Tally = together(file.tally for file in self._readable)
+        if self.truncated and not self.tally.message_count:
+            raise BagError(f"{path} holds no readable message and was not closed", "nothing can be recovered from it")
+
+    @property
+    def truncated(self) -> bool:
+        """Whether a file was never closed, or its end is missing."""
+        return not all(file.closed for file in self._readable)
+
+    @property
+    def lost_bytes(self) -> int:
+        """How much of the message data is unreadable."""
+        return sum(file.lost_bytes for file in self.files)
+
+    @property
+    def lost_messages(self) -> int:
+        """How many messages are known to be lost; a cut file cannot tell."""
+        return sum(file.lost_messages for file in self.files)
+
+    @property
+    def lossy(self) -> bool:
+        """Whether something that was written cannot be read."""
+        return any(file.lossy for file in self.files)
+
+    @property
+    def damage(self) -> str | None:
+        """What is wrong with the files, in a clause; None if nothing is."""
+        return "; ".join(file.damage for file in self.files if file.damage) or None
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[Recorded]:
+        """Messages in log order (those of one time in file order), of all topics or of those named.
+
+        Files are merged, each opened when its first message is due: a clock that was set back costs no memory.
+
+        Raises:
+            BagError: a file is too far out of order to be sorted in memory, or cannot be read any more.
+        """
+        heads: list[tuple[int, int, Recorded | None, Iterator[Recorded]]] = [
+            (file.tally.start_ns, ordinal, None, file.ordered(topics)) for ordinal, file in enumerate(self._readable)
+        ]
+        heapq.heapify(heads)
+        while heads:
+            _, ordinal, recorded, stream = heads[0]
+            if recorded:
+                yield recorded
+            try:
+                following = next(stream, None)
+            except OSError as error:
+                raise BagError(f"{error.filename or self.path}: {error.strerror or error}", "try again") from error
+            if following:
+                heapq.heapreplace(heads, (following.log_time_ns, ordinal, following, stream))
+            else:
+                heapq.heappop(heads)
+
+    def summary(self) -> Summary:
+        """What the recording holds and what state it is in."""
+        return Summary(
+            path=str(self.path),
+            files=tuple(_file_summary(file) for file in self.files),
+            size_bytes=sum(file.size for file in self.files),
+            message_count=self.tally.message_count,
+            start_ns=self.tally.start_ns,
+            duration_s=self.tally.duration_ns * 1e-9,
+            topics=tuple(
+                TopicSummary(topic, definition.name, n) for (topic, definition), n in self.tally.counts.items()
+            ),
+            closed=not self.truncated,
+            indexed=all(file.indexed for file in self._readable),
+            lost_bytes=self.lost_bytes,
+            lost_messages=self.lost_messages,
+            damage=self.damage,
+        )
+
+
+def _file_summary(file: McapFile) -> FileSummary:
+    return FileSummary(
+        name=file.path.name,
+        size_bytes=file.size,
+        message_count=file.tally.message_count,
+        start_ns=file.tally.start_ns,
+        duration_s=file.tally.duration_ns * 1e-9,
+        closed=file.closed,
+        indexed=file.indexed,
+        damage=file.damage,
+    )
+
+
+def open_bag(path: Path) -> Bag:
+    """Open a bag folder or an .mcap file, intact or cut; reads it through once.
+
+    A file of several that is missing, empty, no MCAP or claims absurd sizes counts as damage; the others are read.
+
+    Raises:
+        BagError: no such path, no recording in it, no file that can be read, or cut before its first message.
+    """
+    return Bag(path)
+
+
+def stored(path: Path) -> Iterator[Recorded]:
+    """Every readable message of a bag folder or an .mcap file, in one pass and in the order of the files.
+
+    A file of a folder of which nothing can be read is passed over; a folder without files gives nothing.
+
+    Raises:
+        BagError: no such path, or a single file that cannot be read.
+    """
+    for file in _files(path):
+        try:
+            yield from file.stored()
+        except (BagError, OSError) as error:
+            if path.is_dir():
+                continue
+            if isinstance(error, BagError):
+                raise
+            raise BagError(f"{path}: {error.strerror or error}", "give a file that can be read") from error
+
+
+def summary(path: Path) -> Summary:
+    """What a recording holds and what state it is in; errors as `open_bag`."""
+    return open_bag(path).summary()
+
+
+def listed_files(directory: Path) -> dict[str, int]:
+    """The files that metadata.yaml names, and how many messages each; none if it is missing or broken.
+
+    After a crash it may be either; names are stripped of folders.
+    """
+    try:
+        text = _yaml.read(directory / "metadata.yaml")
+        content = _yaml.decode(text, dict[str, Any])["rosbag2_bagfile_information"]
+        names = [Path(name).name for name in content["relative_file_paths"]]
+        counts = {Path(file["path"]).name: int(file["message_count"]) for file in content.get("files") or ()}
+        return {name: counts.get(name, 0) for name in names if "\0" not in name}
+    except (OSError, ValueError, OverflowError, msgspec.DecodeError, KeyError, TypeError, AttributeError):
+        return {}
+
+
+def _files(path: Path) -> list[McapFile]:
+    if not path.is_dir():
+        if not path.exists():
+            raise BagError(f"{path} does not exist", "give a bag folder or an .mcap file")
+        return [McapFile(path)]
+    try:
+        # Shorter names first: bag_10.mcap comes after bag_9.mcap.
+        there = sorted(path.glob("*.mcap"), key=lambda file: (len(file.name), file.name))
+    except OSError as error:
+        raise BagError(f"{path}: {error.strerror or error}", "give a folder that can be read") from error
+    listed = listed_files(path)
+    series = {_series(name) for name in (*listed, f"{path.resolve().name}_0.mcap")}
+    unlisted = [file for file in there if file.name not in listed and (not listed or _series(file.name) in series)]
+    return [*(McapFile(path / name, count) for name, count in listed.items()), *map(McapFile, unlisted)]
+
+
+def _series(file_name: str) -> str:
+    """The name that the numbered files of a recording share."""
+    return re.sub(r"_\d+\.mcap$", "", file_name)

@@ -1,0 +1,75 @@
+"""The front table's row of a weld: what to do, and the one number that says why."""
+
+from typing import Any
+
+from weld_force_ros.assessment.judge import permitted_kmh
+from weld_force_ros.assessment.limits import ratio, worst
+from weld_force_ros.messages import Criterion, GrindingAdvice, Verdict, known
+from weld_force_ros.recording.weld_records import Entry, Weld
+from weld_force_ros.report.numbers import significant
+
+_LONGEST_LINE = 200
+
+
+def row(number: int, entry: Entry) -> dict[str, Any]:
+    """The row of a weld or a rejection, as what JSON can hold.
+
+    Args:
+        number: by which the page knows it, from 1 on.
+        entry: a weld, or an input that could not be used.
+    """
+    if not isinstance(entry, Weld):
+        refused = entry.rejection
+        return {"n": number, "weld": refused.source, "decision": "unusable",
+                "advice": _one_line(f"{refused.reason}: {refused.remedy}")}  # fmt: skip
+    verdict = entry.verdict
+    content = {
+        "n": number,
+        "weld": verdict.weld_id,
+        "decision": verdict.decision,
+        "worst": _held(worst(verdict.criteria)),
+        "peak_n": significant(verdict.peak_force_n),
+        "judged_kmh": verdict.judged_speed_kmh,
+        "permitted_kmh": permitted_kmh(verdict),
+        "advice": _one_line(_advice(verdict, entry.grinding)),
+        "rail": known(verdict.rail),
+        "chainage_m": known(verdict.chainage_m),
+        "unverified": sum(not c.verified for c in verdict.criteria),
+        "criteria": len(verdict.criteria),
+    }
+    return {name: value for name, value in content.items() if value is not None}
+
+
+def _held(criterion: Criterion) -> dict[str, Any]:
+    share = ratio(criterion)
+    return {"name": criterion.name, "ratio": significant(share, 3) if share != float("inf") else None,
+            "passed": criterion.passed, "verified": criterion.verified}  # fmt: skip
+
+
+def _advice(verdict: Verdict, grinding: GrindingAdvice | None) -> str:
+    match verdict.decision:
+        case "accept":
+            return "Leave it as it is"
+        case "undecided":
+            return f"Not decided: {what_to_measure(verdict.reason)}"
+    if grinding is not None and grinding.reached:
+        return _until(f"Grind off up to {grinding.most_removed_m * 1e3:.2f} mm", verdict)
+    return _until("Grind" if verdict.decision == "grind" else "Renew the weld", verdict)
+
+
+def _until(what: str, verdict: Verdict) -> str:
+    permitted = permitted_kmh(verdict)
+    if permitted is None or permitted >= verdict.judged_speed_kmh:
+        return what
+    return f"{what}; until then at most {permitted:g} km/h" if permitted else f"{what}; no speed is within limits"
+
+
+def what_to_measure(reason: str) -> str:
+    """The part of an undecided verdict's reason that says what is missing."""
+    last = reason.rpartition("; ")[2]
+    return last[last.index("measure ") :] if "measure " in last else last
+
+
+def _one_line(text: str) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= _LONGEST_LINE else line[:_LONGEST_LINE] + "…"

@@ -1,0 +1,291 @@
+"""All that the page shows of one weld, as little as a screen needs: gzip of JSON, some kilobytes."""
+
+import gzip
+from typing import Any
+
+import msgspec
+import numpy as np
+from msgspec import UNSET
+
+from weld_force_ros.assessment.criteria import FORCE_CRITERIA
+from weld_force_ros.assessment.limits import decides, ratio
+from weld_force_ros.errors import InputError
+from weld_force_ros.messages import (
+    AssessmentSettings,
+    Criterion,
+    ForceHistory,
+    ForceMap,
+    GrindingAdvice,
+    Limit,
+    SimulationSettings,
+    Verdict,
+    WeldProfile,
+    known,
+)
+from weld_force_ros.physics.analysis.speed_curve import surface_features
+from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.passage.wheel_path import Trajectory, wheel_trajectory
+from weld_force_ros.recording.weld_records import Entry, Weld
+from weld_force_ros.report.numbers import decimals, short, significant, thinned
+from weld_force_ros.report.table_row import what_to_measure
+from weld_force_ros.simulation.force_map_view import Passages, judged_part, passages
+
+MOST_POINTS = 400
+_LONGEST_RAW_TEXT = 4_000
+_HEADER = ("schema_version", "publisher", "sequence", "stamp")
+
+
+def detail(entry: Entry) -> bytes:
+    """The data of a weld's section, or of a rejection's, as gzip of JSON; the same bytes for the same entry."""
+    return gzip.compress(msgspec.json.encode(_weld(entry) if isinstance(entry, Weld) else _unusable(entry)), mtime=0)
+
+
+def _unusable(entry: Any) -> dict[str, Any]:
+    refused = entry.rejection
+    return {
+        "rejection": {
+            "source": refused.source,
+            "reason": refused.reason,
+            "remedy": refused.remedy,
+            "raw_text": refused.raw_text[:_LONGEST_RAW_TEXT],
+            "truncated": refused.raw_truncated or len(refused.raw_text) > _LONGEST_RAW_TEXT,
+        },
+        "provenance": _stated({"source": refused.source, "file, sha256": known(refused.source_sha256)}),
+    }
+
+
+def _weld(weld: Weld) -> dict[str, Any]:
+    content = {
+        "verdict": _verdict(weld.verdict),
+        "map": weld.force_map and _map(weld.force_map),
+        "curves": weld.force_map and _curves(weld.force_map, weld.verdict, weld.limits),
+        "history": weld.history and _history(weld.history),
+        "profile": weld.profile and _profile(weld.profile, weld.settings),
+        "grinding": weld.grinding and _grinding(weld.grinding),
+        "provenance": _provenance(weld),
+    }
+    return {name: value for name, value in content.items() if value}
+
+
+def _verdict(verdict: Verdict) -> dict[str, Any]:
+    content = msgspec.to_builtins(verdict)
+    criteria = [_criterion(c) for c in verdict.criteria]
+    measure = what_to_measure(verdict.reason) if verdict.decision == "undecided" else ""
+    return {**short({k: v for k, v in content.items() if k not in _HEADER}), "criteria": criteria, "measure": measure}
+
+
+def _criterion(criterion: Criterion) -> dict[str, Any]:
+    share = ratio(criterion)
+    return {**short(msgspec.to_builtins(criterion)), "ratio": significant(share) if share < float("inf") else None}
+
+
+def _map(force_map: ForceMap) -> dict[str, Any]:
+    shape = (len(force_map.speeds_kmh), len(force_map.positions_m))
+    content = {
+        "speeds_kmh": short(force_map.speeds_kmh),
+        "positions_m": short(force_map.positions_m),
+        "span_m": force_map.span_m,
+        "peak_n": decimals(force_map.peak_force_n, -2),
+        "hollow": "".join("1" if cell else "0" for cell in _hollow(force_map, shape).ravel()),
+        "static_load_n": force_map.static_load_n,
+        "model_error": known(force_map.model_error),
+        "line_speed_kmh": known(force_map.line_speed_kmh),
+        "weld_position_m": known(force_map.weld_position_m),
+        "measures": None if force_map.measures is UNSET else short(msgspec.to_builtins(force_map.measures)),
+    }
+    return {name: value for name, value in content.items() if value is not None}
+
+
+def _hollow(force_map: ForceMap, shape: tuple[int, int]) -> np.ndarray:
+    """(n_speed, n_position), whether a lower speed reached more force there; nowhere if the grid cannot tell."""
+    peaks = np.array(force_map.peak_force_n).reshape(shape)
+    try:
+        return surface_features(force_map.speeds_kmh, force_map.positions_m, peaks, force_map.span_m).hollow
+    except (InputError, IndexError):
+        return np.zeros(shape, dtype=bool)
+
+
+def _curves(force_map: ForceMap, verdict: Verdict, limits: AssessmentSettings | None) -> dict[str, Any]:
+    """Every force criterion over speed, the worst over the positions that count, with the limits it is held against."""
+    speeds, worst = _worst_over_positions(force_map)
+    series = []
+    for name in dict.fromkeys(["peak_force", *(c.name for c in verdict.criteria)]):
+        values = FORCE_CRITERIA[name](worst) if name in FORCE_CRITERIA else None
+        if values is None:
+            continue
+        of_verdict = [c for c in verdict.criteria if c.name == name]
+        stated = [_limit(limit) for limit in limits.limits if limit.name == name] if limits else []
+        held = stated or [_limit(c) for c in of_verdict]
+        unit = next((c.unit for c in of_verdict), "N" if name == "peak_force" else "1")
+        series.append({
+            "name": name,
+            "unit": unit,
+            "values": decimals(values, -2) if unit == "N" else [significant(v, 4) for v in values.tolist()],
+            "limits": held,
+            "within": _within(held, speeds, values),
+        })  # fmt: skip
+    return {"speeds_kmh": short(speeds.tolist()), "series": series, "best": _best_over_positions(force_map)}
+
+
+def _within(limits: list[dict[str, Any]], speeds_kmh: FloatArray, values: FloatArray) -> str:
+    """Of every speed, 1 if all speeds up to it are within the limit of a line of that speed, or none decides there."""
+    so_far, within = np.maximum.accumulate(values), np.ones(len(values), dtype=bool)
+    for limit in limits:
+        if limit["decides"]:
+            in_force = (speeds_kmh > limit.get("above_kmh", 0.0)) & (speeds_kmh <= limit.get("to_kmh", np.inf))
+            within &= ~in_force | (so_far <= limit["limit"])
+    return "".join("1" if ok else "0" for ok in within)
+
+
+def _limit(limit: Limit | Criterion) -> dict[str, Any]:
+    content = {
+        "limit": limit.limit,
+        "reject_limit": known(limit.reject_limit),
+        "verified": limit.verified,
+        "decides": limit.decides if isinstance(limit, Criterion) else decides(limit),
+        "above_kmh": known(limit.above_kmh) if isinstance(limit, Limit) else None,
+        "to_kmh": known(limit.to_kmh) if isinstance(limit, Limit) else None,
+    }
+    return {name: value for name, value in content.items() if value is not None}
+
+
+def _worst_over_positions(force_map: ForceMap) -> tuple[FloatArray, Passages]:
+    """From the curve up to the highest speed computed, else from the map up to the line's speed."""
+    curve, static_n = force_map.curve, force_map.static_load_n
+    if curve is not UNSET:
+        return np.array(curve.speeds_kmh), passages(curve, static_n, (len(curve.speeds_kmh),))
+    judged = judged_part(force_map)
+    at = judged.passages
+    return judged.speeds_kmh, Passages(
+        static_n,
+        at.peak_n.max(axis=1),
+        at.min_n.min(axis=1),
+        at.contact_loss_s.max(axis=1),
+        None if at.p2_n is None else at.p2_n.max(axis=1),
+        None if at.below_20hz_n is None else at.below_20hz_n.max(axis=1),
+    )
+
+
+def _best_over_positions(force_map: ForceMap) -> dict[str, Any] | None:
+    """The least peak over the positions that count, speed by speed; None if there is but one."""
+    judged = judged_part(force_map)
+    if len(judged.positions_m) == 1:
+        return None
+    return {
+        "speeds_kmh": short(judged.speeds_kmh.tolist()),
+        "peak_n": decimals(judged.passages.peak_n.min(axis=1), -2),
+    }
+
+
+def _history(history: ForceHistory) -> dict[str, Any]:
+    drawn = thinned(history.force_n, MOST_POINTS)
+    return {
+        "speed_kmh": significant(history.speed_kmh),
+        "position_m": significant(history.position_m),
+        "x_m": decimals(np.array(history.x_m)[drawn], 4),
+        "force_n": decimals(np.array(history.force_n)[drawn], -2),
+        "irregularity_m": decimals(np.array(history.irregularity_m)[drawn], 7),
+    }
+
+
+def _profile(profile: WeldProfile, settings: SimulationSettings | None) -> dict[str, Any]:
+    drawn = thinned(profile.z_m, MOST_POINTS)
+    x, z = np.array(profile.x_m), np.array(profile.z_m)
+    content = {"x_m": decimals(x[drawn], 5), "z_m": decimals(z[drawn], 7)}
+    if settings is not None:
+        wheel = wheel_trajectory(x, z, settings.wheel_radius_m)
+        content["wheel_x_m"], content["wheel_m"] = _drawn(wheel, x[0], x[-1])
+    return content
+
+
+def _drawn(wheel: Trajectory, from_m: float, to_m: float) -> tuple[list[float], list[float]]:
+    x = np.linspace(from_m, to_m, MOST_POINTS // 2)
+    return decimals(x, 5), decimals(wheel.at(x), 7)
+
+
+def _grinding(advice: GrindingAdvice) -> dict[str, Any]:
+    x, ground = np.array(advice.x_m), np.array(advice.z_m) - np.array(advice.removal_m)
+    drawn = thinned(ground, MOST_POINTS)
+    removed = np.flatnonzero(np.array(advice.removal_m) > 0.02 * advice.most_removed_m)
+    content = {
+        "reached": advice.reached,
+        "reason": advice.reason,
+        "x_m": decimals(x[drawn], 5),
+        "ground_m": decimals(ground[drawn], 7),
+        "most_removed_m": significant(advice.most_removed_m),
+        "from_m": significant(x[removed[0]], 3) if len(removed) else None,
+        "to_m": significant(x[removed[-1]], 3) if len(removed) else None,
+        "band_limit_m": significant(advice.band_limit_m),
+        "stone_radius_m": significant(advice.stone_radius_m),
+        "decision_before": advice.decision_before,
+        "decision_after": advice.decision_after,
+        "after": [_criterion(c) for c in advice.after],
+        "speeds_kmh": short(advice.speeds_kmh),
+        "peak_after_n": decimals(advice.peak_after_n, -2),
+        "reference_checked": advice.reference_checked,
+        "reference_within": advice.reference_within,
+        "reference_peak_n": known(advice.reference_peak_n),
+    }
+    return {name: value for name, value in content.items() if value is not None}
+
+
+def _provenance(weld: Weld) -> list[list[str]]:
+    verdict, force_map, profile, settings = weld.verdict, weld.force_map, weld.profile, weld.settings
+    rows: dict[str, object] = {
+        "weld": verdict.weld_id,
+        "rail": known(verdict.rail),
+        "chainage": verdict.chainage_m is not UNSET and f"{verdict.chainage_m:g} m",
+        "source": profile and profile.source,
+        "instrument": profile and known(profile.instrument),
+        "conditioning": profile and "; ".join(profile.conditioning),
+        "software": verdict.software,
+        "track": force_map and force_map.track,
+        "engine": force_map and force_map.engine,
+        "grid": force_map and _grid(force_map),
+        "model error": force_map
+        and force_map.model_error is not UNSET
+        and f"about {force_map.model_error:.1%} of the dynamic force",
+        "wheel": settings and _wheel(settings),
+        "limits": weld.limits and _limits(weld.limits),
+        "rules": weld.limits and _rules(weld.limits),
+        "samples of the unknown": verdict.samples,
+        "uncertainty": settings and settings.uncertainty is not UNSET and settings.uncertainty.source,
+        "profile, sha256": verdict.profile_sha256,
+        "measurement": known(verdict.profile_id),
+        "file, sha256": profile and known(profile.source_sha256),
+        "simulation settings, sha256": verdict.config_sha256,
+        "limits, sha256": verdict.limits_sha256,
+    }
+    return _stated(rows)
+
+
+def _grid(force_map: ForceMap) -> str:
+    speeds, positions = force_map.speeds_kmh, force_map.positions_m
+    return f"{len(speeds)} speeds from {speeds[0]:g} to {speeds[-1]:g} km/h, {len(positions)} positions"
+
+
+def _wheel(settings: SimulationSettings) -> str:
+    return (
+        f"{settings.wheel_mass_kg:g} kg, static load {settings.static_load_n / 1e3:g} kN, radius "
+        f"{settings.wheel_radius_m:g} m, Hertz constant {settings.hertz_n_per_m15:.3g} N/m^1.5"
+    )
+
+
+def _limits(limits: AssessmentSettings) -> str:
+    unverified = sum(not limit.verified for limit in limits.limits)
+    return f"{len(limits.limits)}, of which {unverified} unverified"
+
+
+def _rules(limits: AssessmentSettings) -> str | None:
+    rules = known(limits.rules)
+    if rules is None:
+        return None
+    unknown = "undecided if it matters" if rules.unknown_position == "undecided" else "the worst one counts"
+    return (
+        f"unknown position: {unknown}; waves shown up to {rules.resolved_hz:g} Hz"
+        f"{'' if rules.verified else ' (UNVERIFIED)'}: {rules.source}"
+    )
+
+
+def _stated(rows: dict[str, object]) -> list[list[str]]:
+    return [[name, str(value)] for name, value in rows.items() if value]

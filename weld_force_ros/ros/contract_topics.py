@@ -1,0 +1,377 @@
+"""Contract messages in and out of one node: stamped, numbered, validated, counted."""
+
+import hashlib
+import secrets
+import threading
+import time
+from collections.abc import Callable, Iterable
+from types import TracebackType
+from typing import Any, NamedTuple, Self, TypeVar
+
+from diagnostic_msgs.msg import DiagnosticArray
+from msgspec import UNSET, UnsetType
+from rclpy.callback_groups import CallbackGroup
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.qos import HistoryPolicy, QoSProfile
+from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.subscription import Subscription
+from std_msgs.msg import String
+
+from weld_force_ros.errors import InputError, MessageError
+from weld_force_ros.messages import (
+    MAX_MESSAGE_BYTES,
+    MAX_TEXT,
+    TOPICS,
+    Message,
+    Rejection,
+    Stamp,
+    decode,
+    encode,
+    measurement_id,
+)
+from weld_force_ros.ros import diagnostics, qos
+from weld_force_ros.ros.diagnostics import Health
+from weld_force_ros.ros.sequence_tracker import GapCounter, Header, header_of
+
+M = TypeVar("M", bound=Message)
+_MAX_NAME = 200
+_NO_TIME = Duration()
+_SLOW_READER_S = 2.0
+_CLOSE_S = 5.0
+_CDR_OVERHEAD_BYTES = 64
+
+
+class Sample(NamedTuple):
+    """A serialised message of any topic, as it is recorded. Times are nanoseconds since the epoch."""
+
+    topic: str
+    message_type: type
+    qos: QoSProfile
+    cdr: bytes
+    received_ns: int
+    sent_ns: int
+
+
+class Incoming(NamedTuple):
+    """A contract message that has arrived, not yet validated.
+
+    Attributes:
+        kind: of message.
+        sample: as it arrived.
+        text: its JSON.
+        header: None if not even that can be read.
+        repeated: whether it had arrived before.
+    """
+
+    kind: type[Message]
+    sample: Sample
+    text: str
+    header: Header | None
+    repeated: bool
+
+    @property
+    def publisher(self) -> str:
+        """Who sent it, empty if unknown."""
+        return self.header.publisher if self.header is not None else ""
+
+    @property
+    def description(self) -> str:
+        """What to call the message in a Rejection."""
+        topic = TOPICS[self.kind].name
+        if self.header is None or not self.header.publisher:
+            return f"{topic} message"
+        return f"{topic} message {self.header.sequence} of {self.header.publisher}"
+
+
+class Outlet:
+    """A ROS publisher that shows each sample to a recorder before it leaves."""
+
+    def __init__(
+        self, node: Node, message_type: type, topic: str, profile: QoSProfile, record: Callable[[Sample], None]
+    ) -> None:
+        self._node = node
+        self._publisher = node.create_publisher(message_type, topic, profile)
+        self._describe = (self._publisher.topic_name, message_type, profile)
+        self._record = record
+        self._depth = profile.depth if profile.history == HistoryPolicy.KEEP_LAST else 0
+        self._unacknowledged = 0
+
+    def send(self, message: Any) -> None:
+        """Record, then publish, a ROS message."""
+        cdr = serialize_message(message)
+        now_ns = time.time_ns()
+        self._record(Sample(*self._describe, cdr, now_ns, now_ns))
+        self.send_again(cdr)
+
+    def send_again(self, cdr: bytes) -> None:
+        """Publish a serialised message that is recorded already."""
+        if self._depth and self._unacknowledged >= self._depth - 1:
+            # Otherwise one that a reader has not got yet would be pushed out. A reader that stands still for longer
+            # loses, and sees a gap: it cannot hold up everybody else.
+            self.wait_until_acknowledged(time.monotonic() + _SLOW_READER_S)
+            self._unacknowledged = 0
+        self._publisher.publish(cdr)
+        self._unacknowledged += 1
+
+    @property
+    def has_subscriber(self) -> bool:
+        """Whether one is matched; the node knows of a subscriber a moment before."""
+        return bool(self._publisher.get_subscription_count())
+
+    def wait_until_acknowledged(self, deadline: float) -> None:
+        """Wait until every subscriber has what was sent, or `deadline` (monotonic seconds)."""
+        # rclpy's own waiting holds the interpreter lock.
+        pause = threading.Event()
+        while not self._publisher.wait_for_all_acked(_NO_TIME) and time.monotonic() < deadline:
+            pause.wait(0.005)
+
+    def destroy(self) -> None:
+        """Withdraw the topic."""
+        self._node.destroy_publisher(self._publisher)
+
+
+def listen(
+    node: Node,
+    message_type: type,
+    topic: str,
+    profile: QoSProfile,
+    take: Callable[[Sample], None],
+    group: CallbackGroup | None = None,
+) -> Subscription:
+    """Subscribe to a topic of any type; `take` gets each sample on the executor's thread and must be quick."""
+
+    def callback(cdr: bytes, info: dict[str, int]) -> None:
+        take(
+            Sample(
+                subscription.topic_name,
+                message_type,
+                profile,
+                cdr,
+                info["received_timestamp"],
+                info["source_timestamp"],
+            )
+        )
+
+    subscription = node.create_subscription(message_type, topic, callback, profile, raw=True, callback_group=group)
+    return subscription
+
+
+class Messenger:
+    """The contract topics of one node.
+
+    Args:
+        node: whose topics they are.
+        publishes: the kinds of message the node may publish.
+        record: shown each sample before it is published.
+        group: of the subscriptions; default: the node's own.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        publishes: Iterable[type[Message]],
+        record: Callable[[Sample], None] = lambda _: None,
+        group: CallbackGroup | None = None,
+    ) -> None:
+        self._node = node
+        self._record = record
+        self._group = group
+        self._lock = threading.Lock()
+        self._outlets: dict[type[Message], Outlet] = {}
+        self._others: list[Outlet] = []
+        self._subscriptions: list[Subscription] = []
+        for kind in publishes:
+            self._outlets[kind] = Outlet(node, String, TOPICS[kind].name, qos.writing(TOPICS[kind]), self._record)
+        self._sequence = dict.fromkeys(self._outlets, 0)
+        self._gaps = GapCounter()
+        self.instance = f"{node.get_fully_qualified_name()}#{secrets.token_hex(4)}"
+        self.health = Health(node.get_fully_qualified_name(), self.instance)
+        self.health.gaps = lambda: self._gaps.missed
+
+    def outlet(
+        self,
+        message_type: type,
+        topic: str,
+        profile: QoSProfile,
+        record: Callable[[Sample], None] | None = None,
+    ) -> Outlet:
+        """A publisher beside the contract's; `record` goes before the messenger's own."""
+        self._others.append(Outlet(self._node, message_type, topic, profile, record or self._record))
+        return self._others[-1]
+
+    def report_health(self) -> None:
+        """Publish the node's state once a second; recorded when it arrives, as it must not wait for a disk."""
+        outlet = self.outlet(DiagnosticArray, diagnostics.TOPIC, qos.DIAGNOSTICS, lambda _: None)
+        self.health.report_every_second(self._node, outlet.send)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Withdraw all topics, once every subscriber has what was published, or after a while."""
+        self.wait_until_acknowledged(_CLOSE_S)
+        self.health.stop(self._node)
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        for outlet in (*self._outlets.values(), *self._others):
+            outlet.destroy()
+
+    def publish(self, message: Message) -> None:
+        """Fill in publisher, sequence and stamp, and publish.
+
+        Raises:
+            MessageError: against the contract; nothing was published and no number used up.
+        """
+        kind = type(message)
+        with self._lock:
+            now = self._node.get_clock().now().to_msg()
+            message.stamp = Stamp(sec=now.sec, nanosec=now.nanosec)
+            message.publisher, message.sequence = self.instance, self._sequence[kind]
+            self._outlets[kind].send(String(data=encode(message).decode()))
+            self._sequence[kind] += 1
+        self.health.count_published(TOPICS[kind].name)
+
+    def publish_again(self, kind: type[Message], cdr: bytes) -> None:
+        """Publish a serialised message as it was recorded."""
+        with self._lock:
+            self._outlets[kind].send_again(cdr)
+
+    def complain(self, problem: object) -> None:
+        """Log a problem of the node itself, and keep it for /diagnostics."""
+        self.health.complain(str(problem))
+        self._node.get_logger().error(str(problem))
+
+    def reject(self, source: str, error: Exception, raw_text: str = "", **identities: str | UnsetType) -> Rejection:
+        """Publish what `rejection` makes of the same, and return it."""
+        rejection = self.rejection(source, error, raw_text, **identities)
+        self.publish(rejection)
+        return rejection
+
+    def rejection(
+        self,
+        source: str,
+        error: Exception,
+        raw_text: str = "",
+        *,
+        source_sha256: str | UnsetType = UNSET,
+        profile_sha256: str | UnsetType = UNSET,
+        profile_id: str | UnsetType = UNSET,
+    ) -> Rejection:
+        """Say that an input could not be used, with the text it came as; logged, and yet to be published.
+
+        Args:
+            source: the file or message it came from.
+            error: why.
+            raw_text: cut to what a message may hold.
+            source_sha256: identity of the file, if known.
+            profile_sha256: identity of the profile, if known.
+            profile_id: identity of the measurement; of a message that holds none, made of its text.
+        """
+        reason, remedy = _reason_and_remedy(error)
+        rejection = Rejection(
+            source=_printable(source)[:_MAX_NAME] or "unknown",
+            reason=_printable(reason).removeprefix(f"{source}: ")[:MAX_TEXT],
+            remedy=_printable(remedy)[:MAX_TEXT],
+            raw_text=_printable(raw_text[:MAX_TEXT]),
+            raw_truncated=len(raw_text) > MAX_TEXT,
+            source_sha256=source_sha256,
+            profile_sha256=profile_sha256,
+            profile_id=profile_id if isinstance(profile_id, str) else _identity_of_text(source, raw_text),
+        )
+        self.health.complain(f"{rejection.source}: {rejection.reason}")
+        self._node.get_logger().warning(f"{rejection.source} rejected: {rejection.reason}; {rejection.remedy}")
+        return rejection
+
+    def listen(self, kind: type[Message], take: Callable[[Sample], None], group: CallbackGroup | None = None) -> None:
+        """Subscribe to a contract topic, in a group of its own if one is given; open what `take` gets elsewhere."""
+        self.listen_to(String, TOPICS[kind].name, qos.reading(TOPICS[kind]), take, group)
+
+    def listen_to(
+        self,
+        message_type: type,
+        topic: str,
+        profile: QoSProfile,
+        take: Callable[[Sample], None],
+        group: CallbackGroup | None = None,
+    ) -> None:
+        """Subscribe to a topic beside the contract's."""
+        self._subscriptions.append(listen(self._node, message_type, topic, profile, take, group or self._group))
+
+    def open(self, kind: type[Message], sample: Sample) -> Incoming:
+        """Account for a sample of a contract topic, without judging its content."""
+        text = _text(sample)
+        header = header_of(text)
+        repeated = header is not None and self._gaps.note(TOPICS[kind].name, header)
+        self.health.count_received(TOPICS[kind].name)
+        return Incoming(kind, sample, text, header, repeated)
+
+    def join(self, kind: type[Message], text: str) -> None:
+        """Account for a message that was recorded before this node began."""
+        header = header_of(text)
+        if header is not None and header.publisher:
+            self._gaps.join(TOPICS[kind].name, header)
+
+    def read(self, kind: type[M], incoming: Incoming, tell: Callable[[Rejection], None] = lambda _: None) -> M | None:
+        """The message if it keeps the contract; otherwise None, and it is rejected, which `tell` is told."""
+        try:
+            return decode(kind, incoming.text)
+        except MessageError as error:
+            tell(self.reject(incoming.description, error, incoming.text))
+            return None
+
+    def read_again(self, kind: type[M], cdr: bytes) -> M | None:
+        """A serialised message that was recorded, if it keeps the contract."""
+        try:
+            return decode(kind, deserialize_message(cdr, String).data)
+        except MessageError:
+            return None
+
+    def read_quietly(self, kind: type[M], incoming: Incoming) -> M | None:
+        """The message if it keeps the contract; otherwise None, which is only complained of."""
+        try:
+            return decode(kind, incoming.text)
+        except MessageError as error:
+            self.complain(f"{incoming.description}: {error.reason}")
+            return None
+
+    def sent(self, kind: type[Message]) -> int:
+        """How many messages of a kind were published."""
+        return self._sequence.get(kind, 0)
+
+    def taken_from(self, publisher: str, kind: type[Message]) -> int:
+        """How many messages of a kind were opened of those that `publisher` sent."""
+        return self._gaps.next_from(TOPICS[kind].name, publisher)
+
+    def wait_until_acknowledged(self, timeout_s: float) -> None:
+        """Wait until every subscriber has what was published, at most so long."""
+        deadline = time.monotonic() + timeout_s
+        for outlet in self._outlets.values():
+            outlet.wait_until_acknowledged(deadline)
+
+
+def _identity_of_text(source: str, text: str) -> str:
+    content = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+    return measurement_id(_printable(source), content)
+
+
+def _text(sample: Sample) -> str:
+    if len(sample.cdr) > MAX_MESSAGE_BYTES + _CDR_OVERHEAD_BYTES:
+        return f"a message of {len(sample.cdr)} bytes, which was not read"
+    try:
+        return deserialize_message(sample.cdr, String).data
+    except Exception:  # not CDR: what arrived is kept for the Rejection
+        return sample.cdr.decode("utf-8", "replace")
+
+
+def _reason_and_remedy(error: Exception) -> tuple[str, str]:
+    if isinstance(error, InputError):
+        return error.reason, error.remedy
+    return str(error) or type(error).__name__, "check the profile; if it is in order, report this as a fault"
+
+
+def _printable(text: str) -> str:
+    # Half a surrogate pair, from a file name of unknown encoding, has no UTF-8 form.
+    return text.encode("utf-8", "replace").decode("utf-8")

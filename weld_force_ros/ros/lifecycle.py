@@ -1,0 +1,199 @@
+"""What the nodes have in common: a lifecycle, parameters that are checked, a state that is told once a second."""
+
+from abc import abstractmethod
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+
+from weld_force_ros.errors import InputError, WeldForceError
+from weld_force_ros.ros import parameters
+from weld_force_ros.ros.contract_topics import Messenger
+from weld_force_ros.ros.parameter_file import PARAMETERS
+from weld_force_ros.ros.worker import Gate
+
+CLOSE_S = 5.0
+"""How long the message in hand, and what was published, may take when a node is closed."""
+
+
+class ManagedNode(LifecycleNode):
+    """A lifecycle node of the suite.
+
+    Configured, it has its topics and what it needs; active, it takes what comes in. Inactive, it leaves messages where
+    they are: in the middleware, in the folder. Cleaned up, it has let go of everything, bag included.
+
+    Attributes:
+        kind: its name and the key of its parameters in `PARAMETERS`.
+        problem: why the last transition failed, or what went wrong in letting go.
+        messenger: its contract topics; only while configured.
+    """
+
+    kind: str
+    messenger: Messenger
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__(self.kind, **node_options)
+        self.problem: Exception | None = None
+        self._active = False
+        self._configured = False
+        self._managed = True
+        self._resources = ExitStack()
+        parameters.declare(self, self.kind)
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._note_parameters)
+
+    @property
+    def configured(self) -> bool:
+        """Whether the node has its topics."""
+        return self._configured
+
+    @property
+    @abstractmethod
+    def pending(self) -> int:
+        """Messages queued or in hand."""
+
+    @property
+    def active(self) -> bool:
+        """Whether the node takes what comes in."""
+        return self._active
+
+    @property
+    def autostarts(self) -> bool:
+        """Whether the node is to be started without a lifecycle manager."""
+        return bool(self.get_parameter("autostart").value)
+
+    @property
+    def gate(self) -> Gate:
+        """A callback group whose messages wait until the node is active and has room for them."""
+        return Gate(lambda: self._active and self._has_room)
+
+    @property
+    def _has_room(self) -> bool:
+        return True
+
+    @abstractmethod
+    def _configure(self, values: dict[str, Any]) -> None:
+        """Make topics and all that is needed; what is to be let go of goes onto `_resources`.
+
+        Raises:
+            WeldForceError: it cannot be.
+        """
+
+    def _activate(self) -> None:
+        """Begin to take what comes in."""
+        self._active = True
+        self.wake()
+
+    def _deactivate(self) -> None:
+        """Leave what comes in where it is."""
+        self._active = False
+
+    def _check_change(self, values: dict[str, Any]) -> None:
+        """Raise an InputError if parameters cannot change to these values while the node is configured."""
+
+    def _change(self, values: dict[str, Any]) -> None:
+        """Bring a checked change about; on the executor's thread."""
+
+    def start(self) -> None:
+        """Configure and activate, as a lifecycle manager would.
+
+        Raises:
+            WeldForceError: the node cannot be configured.
+        """
+        self._managed = False
+        for transition in (self.trigger_configure, self.trigger_activate):
+            if transition() != TransitionCallbackReturn.SUCCESS:
+                raise self.problem or WeldForceError(f"{self.get_name()} does not start")
+        self._managed = True
+
+    def stop_intake(self) -> None:
+        """Take nothing new from outside; what upstream nodes still hand on belongs to what was taken."""
+
+    def close(self) -> None:
+        """Stop after the message in hand and let go of everything.
+
+        Raises:
+            WeldForceError: something could not be completed, such as a bag on a full disk.
+        """
+        if self._active:
+            self._deactivate()
+        if self._configured:
+            self._configured = False
+            self._resources.close()
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """See `ManagedNode`."""
+        return self._attempt(self._configure_from_parameters)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """See `ManagedNode`."""
+        return self._attempt(self._activate)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """See `ManagedNode`."""
+        return self._attempt(self._deactivate)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """See `ManagedNode`."""
+        return self._attempt(self.close)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """See `ManagedNode`."""
+        return self._attempt(self.close)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Back to where the node can be configured anew."""
+        return self._attempt(self.close)
+
+    def _configure_from_parameters(self) -> None:
+        self._configured = True
+        try:
+            self._configure(parameters.values(self, self.kind, {}))
+        except Exception:
+            self.close()
+            raise
+
+    def wake(self) -> None:
+        """Let the executor look again at what the gate held back."""
+        if self.executor is not None:
+            self.executor.wake()
+
+    def _attempt(self, step: Callable[[], None]) -> TransitionCallbackReturn:
+        try:
+            step()
+        except Exception as error:  # whoever asked for the transition is told; the node lives on
+            self.problem = error
+            if self._managed:  # who started the node otherwise raises it
+                self.get_logger().error(" ".join(str(error).split()))
+            return TransitionCallbackReturn.FAILURE
+        self.problem = None
+        return TransitionCallbackReturn.SUCCESS
+
+    def _check_parameters(self, given: list[Parameter]) -> SetParametersResult:
+        changes = self._own(given)
+        fixed = [p.name for p in PARAMETERS[self.kind] if p.name in changes and not p.live]
+        if not self._configured or not changes:
+            return SetParametersResult(successful=True)
+        if fixed:
+            return SetParametersResult(
+                successful=False,
+                reason=f"{', '.join(fixed)} cannot change while {self.get_name()} is configured; "
+                "deactivate and clean up the node first",
+            )
+        try:
+            self._check_change(parameters.values(self, self.kind, changes))
+        except InputError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _note_parameters(self, given: list[Parameter]) -> None:
+        changes = self._own(given)
+        if self._configured and changes:
+            self._change(parameters.values(self, self.kind, changes))
+
+    def _own(self, given: list[Parameter]) -> dict[str, Any]:
+        own = {parameter.name for parameter in PARAMETERS[self.kind]}
+        return {parameter.name: parameter.value for parameter in given if parameter.name in own}

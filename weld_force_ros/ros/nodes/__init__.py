@@ -1,0 +1,1 @@
+"""The nodes, and what each of them alone uses."""

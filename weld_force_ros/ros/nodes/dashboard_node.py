@@ -1,0 +1,83 @@
+"""dashboard_node: what the suite publishes, as a page on this machine; it looks on and publishes nothing."""
+
+import tempfile
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from weld_force_ros.messages import (
+    AssessmentSettings,
+    ForceHistory,
+    ForceMap,
+    Message,
+    Rejection,
+    SimulationSettings,
+    Verdict,
+    WeldProfile,
+)
+from weld_force_ros.report.html_page import page
+from weld_force_ros.report.live_report import NEWEST, Board
+from weld_force_ros.report.live_server import Server
+from weld_force_ros.ros.contract_topics import Messenger, Sample
+from weld_force_ros.ros.lifecycle import CLOSE_S, ManagedNode
+from weld_force_ros.ros.worker import Worker
+
+_SHOWN = (SimulationSettings, AssessmentSettings, WeldProfile, ForceMap, ForceHistory, Verdict, Rejection)
+
+
+class DashboardNode(ManagedNode):
+    """Takes messages on one worker thread; pages are served on threads of their own.
+
+    Attributes:
+        url: where the page is; only while configured.
+    """
+
+    kind = "dashboard_node"
+
+    def _configure(self, values: dict[str, Any]) -> None:
+        namespace = self.get_namespace().strip("/")
+        html = page(
+            [],
+            [],
+            title=f"Rail welds, {namespace}" if namespace else "Rail welds",
+            about=f"as they are judged, the newest {NEWEST:,}",
+            live=True,
+            newest=NEWEST,
+        )
+        folder = self._resources.enter_context(tempfile.TemporaryDirectory(prefix="weld-force-dashboard-"))
+        self._board = Board(Path(folder))
+        self.messenger = self._resources.enter_context(Messenger(self, [], group=self.gate))
+        self._worker: Worker[tuple[type[Message], Sample]] = Worker(
+            "dashboard", self._take, self.messenger.complain, on_room=self.wake
+        )
+        self._resources.callback(self._worker.close, CLOSE_S)
+        server = Server(self._board, html, values["port"])
+        self._resources.callback(server.close)
+        self.url = server.url
+        self.messenger.health.queue_length = lambda: self._worker.pending
+        self.messenger.health.facts = lambda: {"page": self.url, "welds shown": self._board.count}
+        self.messenger.report_health()
+        for kind in _SHOWN:
+            self.messenger.listen(kind, partial(self._queue, kind))
+        self.get_logger().info(f"dashboard: {self.url}")
+
+    @property
+    def _has_room(self) -> bool:
+        return self._worker.has_room
+
+    @property
+    def pending(self) -> int:
+        """Messages that are not on the page yet."""
+        return self._worker.pending if self._configured else 0
+
+    def _queue(self, kind: type[Message], sample: Sample) -> None:
+        self._worker.put((kind, sample))
+
+    def _take(self, item: tuple[type[Message], Sample]) -> None:
+        kind, sample = item
+        incoming = self.messenger.open(kind, sample)
+        if incoming.repeated:
+            return
+        message = self.messenger.read_quietly(kind, incoming)  # who has to act on it rejects what cannot be read
+        if message is not None:
+            self._board.take(message)

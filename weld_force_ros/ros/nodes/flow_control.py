@@ -1,0 +1,121 @@
+"""Which measurements still need an outcome, and how many may be under way to it at once."""
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+from weld_force_ros.messages import MAX_IDS, Inquiry, Rejection, Settled, WeldProfile
+from weld_force_ros.ros.contract_topics import Messenger, Sample
+from weld_force_ros.ros.qos import WINDOW
+
+_LOOK_S = 0.02
+_LEDGER_APPEARS_S = 1.0
+_ANSWER_WITHIN_S = 5.0
+_ASK_AGAIN_S = 3.0
+
+
+class Dispatch:
+    """Sends measurements on their way, a window of them at a time, and each only if the ledger knows no outcome.
+
+    The assessment node keeps the ledger. Where there is none, everything is sent, up to the window.
+
+    Args:
+        messenger: of the node.
+        ledgers: how many assessment nodes there are now.
+        stopping: whether waiting is to be given up.
+    """
+
+    def __init__(self, messenger: Messenger, ledgers: Callable[[], int], stopping: threading.Event) -> None:
+        self._messenger = messenger
+        self._ledgers = ledgers
+        self._stopping = stopping
+        self._settled: set[bytes] = set()
+        self._under_way: dict[bytes, int] = {}
+        self._answered: set[int] = set()
+        self._changed = threading.Condition()
+        self._began_s = self._heard_s = time.monotonic()
+
+    @property
+    def under_way(self) -> int:
+        """Measurements sent that have no outcome yet."""
+        return len(self._under_way)
+
+    @property
+    def full(self) -> bool:
+        """Whether the window is used up."""
+        with self._changed:
+            oldest = next(iter(self._under_way.values()), self._sent)
+            # Nothing without an outcome may be pushed out of what the publishers keep for those who join late.
+            return len(self._under_way) >= WINDOW or self._sent - oldest >= 2 * WINDOW - 1
+
+    def take_settled(self, sample: Sample) -> None:
+        """Note what the ledger says; for the executor's thread."""
+        settled = self._messenger.read_quietly(Settled, self._messenger.open(Settled, sample))
+        if settled is None:
+            return
+        with self._changed:
+            self._heard_s = time.monotonic()
+            for profile_id in settled.profile_ids:
+                self._settled.add(bytes.fromhex(profile_id))
+                self._under_way.pop(bytes.fromhex(profile_id), None)
+            if settled.asked_by == self._messenger.instance:
+                self._answered.add(settled.asked_sequence)
+            self._changed.notify_all()
+
+    def without_outcome(self, profile_ids: Sequence[str]) -> set[str]:
+        """Those measurements that are neither settled nor under way, as far as a ledger can be asked."""
+        unknown = [profile_id for profile_id in profile_ids if not self._known(profile_id)]
+        for begin in range(0, len(unknown), MAX_IDS):
+            self._ask(unknown[begin : begin + MAX_IDS])
+        return {profile_id for profile_id in unknown if not self._known(profile_id)}
+
+    def send(self, message: WeldProfile | Rejection) -> bool:
+        """Publish a measurement or its rejection once there is room; False if stopped before.
+
+        Raises:
+            MessageError: against the contract; nothing was sent.
+        """
+        if not self._wait(lambda: not self.full):
+            return False
+        key = bytes.fromhex(str(message.profile_id))
+        with self._changed:
+            self._under_way[key] = self._sent
+        try:
+            self._messenger.publish(message)
+        except Exception:
+            with self._changed:
+                self._under_way.pop(key, None)
+            raise
+        return True
+
+    def ask_again(self) -> None:
+        """Ask for what is under way, if nothing was heard for a while: a ledger that was killed may not have told."""
+        with self._changed:
+            overdue = list(self._under_way) if time.monotonic() - self._heard_s > _ASK_AGAIN_S else []
+        if overdue and self._ledgers():
+            self._messenger.publish(Inquiry(profile_ids=[key.hex() for key in overdue]))
+
+    @property
+    def _sent(self) -> int:
+        return self._messenger.sent(WeldProfile) + self._messenger.sent(Rejection)
+
+    def _known(self, profile_id: str) -> bool:
+        key = bytes.fromhex(profile_id)
+        with self._changed:
+            return key in self._settled or key in self._under_way
+
+    def _ask(self, profile_ids: list[str]) -> None:
+        self._wait(lambda: self._ledgers() > 0, until_s=self._began_s + _LEDGER_APPEARS_S)
+        if not self._ledgers():
+            return
+        inquiry = Inquiry(profile_ids=profile_ids)
+        self._messenger.publish(inquiry)
+        # Without an answer the ledger will see to it that nothing gets a second outcome.
+        self._wait(lambda: inquiry.sequence in self._answered, until_s=time.monotonic() + _ANSWER_WITHIN_S)
+        self._answered.discard(inquiry.sequence)
+
+    def _wait(self, condition: Callable[[], bool], until_s: float = float("inf")) -> bool:
+        while not (met := condition()) and not self._stopping.is_set() and time.monotonic() < until_s:
+            with self._changed:
+                self._changed.wait(_LOOK_S)
+        return met

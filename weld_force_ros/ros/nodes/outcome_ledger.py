@@ -1,0 +1,134 @@
+"""The ledger: which measurements were accepted, and which have their one outcome. The bag is its memory."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+from msgspec import UNSET, UnsetType
+
+from weld_force_ros.errors import BagError
+from weld_force_ros.messages import (
+    TOPICS,
+    ForceMap,
+    Message,
+    ProfileId,
+    ProfileIds,
+    Rejection,
+    Settled,
+    Verdict,
+    WeldProfile,
+    identity,
+)
+from weld_force_ros.recording import STRING, Recorded, stored
+
+AT_ONCE = 16
+"""Measurements that are sent again together."""
+
+_KINDS = {topic.name: topic.type for topic in TOPICS.values()}
+
+
+class Kept(NamedTuple):
+    """A serialised outcome, kept until it is no longer needed."""
+
+    kind: type[Message]
+    cdr: bytes
+
+
+class Ledger:
+    """Measurements by their identity: accepted and open, or settled by a verdict or a rejection.
+
+    Attributes:
+        unfinished: outcomes that a bag holds but does not confirm as published; of a process that was killed.
+        waiting_maps: force maps that a bag holds without their verdict; likewise.
+    """
+
+    def __init__(self) -> None:
+        self.unfinished: dict[str, Kept] = {}
+        self.waiting_maps: dict[str, bytes] = {}
+        self._settled: set[bytes] = set()
+        self._open: dict[str, bytes] = {}
+
+    @property
+    def open_count(self) -> int:
+        """Accepted measurements without an outcome."""
+        return len(self._open)
+
+    @property
+    def settled_count(self) -> int:
+        """Measurements with their outcome."""
+        return len(self._settled)
+
+    def accept(self, profile_id: str, cdr: bytes) -> None:
+        """Keep a profile until it has its outcome."""
+        if not self.is_settled(profile_id):
+            self._open[profile_id] = cdr
+
+    def is_settled(self, profile_id: str) -> bool:
+        """Whether a measurement has its verdict or rejection."""
+        return bytes.fromhex(profile_id) in self._settled
+
+    def settle(self, profile_id: str) -> None:
+        """Note that a measurement has its outcome."""
+        self._settled.add(bytes.fromhex(profile_id))
+        self._open.pop(profile_id, None)
+        self.waiting_maps.pop(profile_id, None)
+
+    def settled_of(self, profile_ids: Iterable[str]) -> list[str]:
+        """Those of the measurements that have their outcome."""
+        return [profile_id for profile_id in profile_ids if self.is_settled(profile_id)]
+
+    def oldest_open(self) -> list[bytes]:
+        """The profiles that have waited longest; the next time others come first."""
+        oldest = list(self._open.items())[:AT_ONCE]
+        for profile_id, cdr in oldest:
+            del self._open[profile_id]
+            self._open[profile_id] = cdr
+        return [cdr for _, cdr in oldest]
+
+
+class _Entry(msgspec.Struct):
+    weld_id: str = ""
+    profile_sha256: str = ""
+    profile_id: ProfileId | UnsetType = UNSET
+    profile_ids: ProfileIds = []
+    asked_by: str = ""
+
+
+def read_ledger(bag: Path, note: Callable[[type[Message], str], None]) -> Ledger:
+    """The ledger of a recording that is to be continued.
+
+    Args:
+        bag: its folder, whatever state a killed process left it in.
+        note: told of each recorded message of the suite: its kind and its text.
+
+    Raises:
+        BagError: the folder cannot be read.
+    """
+    ledger = Ledger()
+    for recorded in stored(bag):
+        kind = _KINDS.get(recorded.topic.rpartition("/")[2])
+        if kind is None or recorded.definition.name != STRING.name:
+            continue
+        try:
+            text = recorded.text
+            entry = msgspec.json.decode(text, type=_Entry)
+        except (BagError, msgspec.DecodeError):
+            continue  # what cannot be read settles nothing
+        note(kind, text)
+        _enter(ledger, kind, recorded, entry)
+    return ledger
+
+
+def _enter(ledger: Ledger, kind: type[Message], recorded: Recorded, entry: _Entry) -> None:
+    if kind is Settled and not entry.asked_by:
+        for profile_id in entry.profile_ids:
+            ledger.settle(profile_id)
+            ledger.unfinished.pop(profile_id, None)
+    elif kind is WeldProfile:
+        ledger.accept(identity(entry), recorded.data)
+    elif kind is ForceMap and not ledger.is_settled(identity(entry)):
+        ledger.waiting_maps[identity(entry)] = recorded.data
+    elif kind is Verdict or (kind is Rejection and isinstance(entry.profile_id, str)):
+        ledger.settle(identity(entry))
+        ledger.unfinished[identity(entry)] = Kept(kind, recorded.data)

@@ -1,0 +1,138 @@
+"""simulator_node: weld_profile -> force_map and the worst passage's force_history."""
+
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Any
+
+from weld_force_ros.assessment.judge import Simulates, worst_history
+from weld_force_ros.messages import (
+    TOPICS,
+    ForceHistory,
+    ForceMap,
+    Rejection,
+    Settled,
+    SimulationSettings,
+    WeldProfile,
+    identity,
+)
+from weld_force_ros.ros.contract_topics import Messenger, Sample
+from weld_force_ros.ros.lifecycle import CLOSE_S, ManagedNode
+from weld_force_ros.ros.parameter_file import settings_of_simulator
+from weld_force_ros.ros.qos import KEPT
+from weld_force_ros.ros.worker import Worker
+from weld_force_ros.simulation import simulator
+
+_SAME_ASKED_TWICE_S = 4.0
+
+
+class SimulatorNode(ManagedNode):
+    """Computes on one worker thread, which also loads track and fit; callbacks only queue, up to a limit.
+
+    What has its outcome is not computed again; what is sent again because an outcome is missing, is.
+
+    Args:
+        load: makes the simulator, in the worker thread.
+        node_options: passed to `rclpy.node.Node`.
+    """
+
+    kind = "simulator_node"
+
+    def __init__(
+        self, *, load: Callable[[SimulationSettings], Simulates] = simulator.Simulator, **node_options: Any
+    ) -> None:
+        super().__init__(**node_options)
+        self._load = load
+
+    def _configure(self, values: dict[str, Any]) -> None:
+        self._settings = settings_of_simulator(values)
+        self._settled: OrderedDict[str, None] = OrderedDict()
+        self._computed_s: OrderedDict[str, float] = OrderedDict()
+        self._simulator: Simulates
+        self.messenger = self._resources.enter_context(
+            Messenger(self, [SimulationSettings, ForceMap, ForceHistory, Rejection], group=self.gate)
+        )
+        self.messenger.publish(self._settings)
+        self._worker: Worker[Sample | SimulationSettings] = Worker(
+            "simulator", self._handle, self.messenger.complain, self._prepare, on_room=self.wake
+        )
+        self._resources.callback(self._worker.close, CLOSE_S)
+        self.messenger.health.queue_length = lambda: self._worker.pending
+        self.messenger.health.warning = self._warning
+        self.messenger.report_health()
+        self.messenger.listen(Settled, self._note_settled)
+        self.messenger.listen(WeldProfile, self._worker.put)
+
+    @property
+    def _has_room(self) -> bool:
+        return self._worker.has_room
+
+    @property
+    def pending(self) -> int:
+        """Profiles queued or being simulated."""
+        return self._worker.pending if self._configured else 0
+
+    def _check_change(self, values: dict[str, Any]) -> None:
+        settings_of_simulator(values)
+
+    def _change(self, values: dict[str, Any]) -> None:
+        self._worker.put(settings_of_simulator(values))
+
+    def _warning(self) -> str | None:
+        others = self.count_publishers(self.resolve_topic_name(TOPICS[ForceMap].name)) - 1
+        return f"{others + 1} simulators publish force maps here; stop all but one" if others else None
+
+    def _prepare(self) -> bool:
+        try:
+            self._simulator = self._load(self._settings)
+        except Exception as error:  # reported by whoever runs the node, and in /diagnostics
+            self.messenger.health.fail(error)
+            return False
+        self.get_logger().info(f"track {self._settings.track} ready")
+        return True
+
+    def _note_settled(self, sample: Sample) -> None:
+        settled = self.messenger.read_quietly(Settled, self.messenger.open(Settled, sample))
+        for profile_id in settled.profile_ids if settled is not None else ():
+            self._settled[profile_id] = None
+        while len(self._settled) > KEPT[Settled]:
+            self._settled.popitem(last=False)
+
+    def _handle(self, item: Sample | SimulationSettings) -> None:
+        if isinstance(item, SimulationSettings):
+            self._simulator, self._settings = self._load(item), item
+            self.messenger.publish(item)
+            return
+        incoming = self.messenger.open(WeldProfile, item)
+        profile = self.messenger.read(WeldProfile, incoming)
+        if profile is not None and not self._done(identity(profile)):
+            self._simulate(profile, incoming.text)
+
+    def _done(self, profile_id: str) -> bool:
+        """Whether a measurement has its outcome, or was computed so shortly ago that it has its outcome soon."""
+        computed_s = self._computed_s.get(profile_id, float("-inf"))
+        return profile_id in self._settled or time.monotonic() - computed_s < _SAME_ASKED_TWICE_S
+
+    def _simulate(self, profile: WeldProfile, text: str) -> None:
+        profile_id = identity(profile)
+        try:
+            force_map = self._simulator.force_map(profile)
+            force_map.profile_id = profile_id
+            self.messenger.publish(force_map)
+        except Exception as error:  # every profile has an outcome, whatever went wrong with it
+            self.messenger.reject(
+                profile.source, error, text, profile_sha256=profile.profile_sha256, profile_id=profile_id
+            )
+        else:
+            self._publish_history(profile, force_map)
+        self._computed_s[profile_id] = time.monotonic()
+        while len(self._computed_s) > KEPT[ForceMap]:
+            self._computed_s.popitem(last=False)
+
+    def _publish_history(self, profile: WeldProfile, force_map: ForceMap) -> None:
+        try:
+            history = worst_history(profile, self._simulator, force_map)
+            history.profile_id = force_map.profile_id
+            self.messenger.publish(history)
+        except Exception as error:  # the map is the outcome; a Rejection would be a second one
+            self.messenger.complain(f"force history of {profile.weld_id}: {error}")

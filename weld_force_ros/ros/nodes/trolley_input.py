@@ -1,0 +1,214 @@
+"""A live trolley's samples and marks -> measurement files in the folder that the profile node watches."""
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import msgspec
+from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from weld_force_ros.errors import InputError, MessageError
+from weld_force_ros.measurement.live_capture import LiveRail
+from weld_force_ros.measurement.rail_stream import STEP_M
+from weld_force_ros.messages import MAX_MESSAGE_BYTES, TOPICS, Message, RailSurface, WeldMarker
+from weld_force_ros.ros import point_cloud, qos
+from weld_force_ros.ros.contract_topics import Messenger, Sample, listen
+from weld_force_ros.ros.lifecycle import CLOSE_S, ManagedNode
+from weld_force_ros.ros.worker import Gate, Worker
+
+CAPTURE_SERVICE = "capture_weld"
+
+_LOOK_EVERY_S = 1.0
+_BEST_EFFORT = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class TrolleyInput:
+    """Topics `rail_surface`, `rail_surface_points` and `weld_marker`, and the service `capture_weld`, of one node.
+
+    Callbacks only queue. What the queue has no room for waits in the middleware, as does what comes while the node is
+    inactive. A context manager; leaving it, what was queued is still handled.
+
+    Args:
+        node: whose topics they are.
+        folder: where captured welds are written.
+        messenger: the node's.
+        values: its parameters, of `node_parameters`.
+    """
+
+    def __init__(self, node: ManagedNode, folder: Path, messenger: Messenger, values: Mapping[str, Any]) -> None:
+        self._node = node
+        self._messenger = messenger
+        self._lock = threading.Lock()
+        self._here_m: float | None = None
+        self._malformed = 0
+        self._last_problem = ""
+        self._live = LiveRail(
+            folder,
+            rail=values["rail"] or None,
+            detect=values["detect_welds"],
+            marker_offset_m=values["marker_offset_m"],
+            mark_timeout_s=values["mark_timeout_s"],
+            refuse=messenger.reject,
+            announce=node.get_logger().info,
+        )
+        self._worker: Worker[Callable[[], None]] = Worker(
+            "trolley", lambda job: job(), messenger.complain, on_room=node.wake
+        )
+        self._gate = Gate(lambda: self._node.active and self._worker.has_room)
+        self._subscriptions = [
+            self._listen(RailSurface, self._take_surface),
+            self._listen(WeldMarker, self._take_marker),
+            self._listen_to_points(qos.STREAM),
+        ]
+        self._service = node.create_service(Trigger, CAPTURE_SERVICE, self._capture_weld)
+        self._timer = node.create_timer(_LOOK_EVERY_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        self._node.destroy_service(self._service)
+        self._node.destroy_timer(self._timer)
+        done = threading.Event()
+        self._worker.put(self._live.finish)
+        self._worker.put(done.set)
+        done.wait(CLOSE_S)
+        self._worker.close(CLOSE_S)
+
+    @property
+    def pending(self) -> int:
+        """Batches and marks queued or in hand."""
+        return self._worker.pending
+
+    def facts(self) -> dict[str, object]:
+        """What there is to be known, for /diagnostics; nothing as long as no trolley is there."""
+        with self._lock:
+            here_m = self._here_m
+        if here_m is None and not self._live.waiting and not self._malformed:
+            return {}
+        return {
+            "trolley at m": "not known" if here_m is None else f"{here_m:.3f}",
+            "trolley batches queued": self.pending,
+            "welds marked, rail awaited": self._live.waiting,
+            "welds captured": self._live.captured,
+            "rail samples that are no numbers": self._live.unusable,
+            "point clouds refused": self._malformed,
+        }
+
+    def _listen(self, kind: type[Message], handle: Callable[[Sample], None]) -> Subscription:
+        def queue(sample: Sample) -> None:
+            self._worker.put(lambda: handle(sample))
+
+        return listen(self._node, String, TOPICS[kind].name, qos.reading(TOPICS[kind]), queue, self._gate)
+
+    def _listen_to_points(self, profile: QoSProfile) -> Subscription:
+        return self._node.create_subscription(
+            PointCloud2,
+            point_cloud.TOPIC,
+            lambda cdr: self._worker.put(lambda: self._take_points(cdr)),
+            profile,
+            raw=True,
+            callback_group=self._gate,
+            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=lambda _: self._accept_best_effort()),
+        )
+
+    def _accept_best_effort(self) -> None:
+        """Some drivers publish so; who asks for reliability gets nothing of them."""
+        if len(self._subscriptions) == 3:
+            self._subscriptions.append(self._listen_to_points(_BEST_EFFORT))
+            self._node.get_logger().warning(
+                f"a driver publishes {point_cloud.TOPIC} with best effort: what is lost on the way is a gap in the rail"
+            )
+
+    def _take_surface(self, sample: Sample) -> None:
+        incoming = self._messenger.open(RailSurface, sample)
+        surface = self._messenger.read(RailSurface, incoming)
+        if surface is not None:
+            self._live.take(surface)
+            self._note_place()
+
+    def _take_points(self, cdr: bytes) -> None:
+        self._messenger.health.count_received(point_cloud.TOPIC)
+        try:
+            cloud = _cloud(cdr)
+            chainage_m, height_m = point_cloud.samples_of(cloud)
+        except MessageError as error:
+            self._malformed += 1
+            self._complain_once(str(error))
+            return
+        coarseness_m = point_cloud.coarseness_m(cloud, chainage_m)
+        if coarseness_m > STEP_M / 2:
+            self._complain_once(
+                f"{point_cloud.TOPIC}: x as float32 tells chainages here to {coarseness_m * 1e3:.2g} mm only; "
+                "publish x as float64, or chainages from a nearer origin"
+            )
+        self._live.take_samples(chainage_m, height_m)
+        self._note_place()
+
+    def _complain_once(self, problem: str) -> None:
+        if problem != self._last_problem:
+            self._last_problem = problem
+            self._messenger.complain(problem)
+
+    def _note_place(self) -> None:
+        with self._lock:
+            self._here_m = self._live.position_m
+
+    def _take_marker(self, sample: Sample) -> None:
+        incoming = self._messenger.open(WeldMarker, sample)
+        if incoming.repeated:
+            return
+        marker = self._messenger.read(WeldMarker, incoming)
+        if marker is not None:
+            self._mark(marker, incoming.description, incoming.text)
+
+    def _mark(self, marker: WeldMarker, source: str, text: str) -> None:
+        try:
+            self._node.get_logger().info(self._live.mark(marker))
+        except InputError as error:
+            self._messenger.reject(source, error, text)
+
+    def _capture_weld(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Queued behind the samples that came before: the place is where the trolley is by then."""
+        with self._lock:
+            here_m = self._here_m
+        if not self._node.active:
+            response.message = f"{self._node.get_name()} is not active; activate it, then mark the weld again"
+        elif here_m is None and not self.pending:
+            response.message = "nothing was measured yet; start the trolley, then mark the weld where it is"
+        elif not self._worker.has_room:
+            response.message = "more is queued than can be taken now; mark the weld again in a second"
+        else:
+            call = msgspec.json.encode({"service": CAPTURE_SERVICE, "called_ns": time.time_ns()}).decode()
+            self._worker.put(lambda: self._mark(WeldMarker(), f"{CAPTURE_SERVICE} call", call))
+            place = "here" if here_m is None else f"at about {here_m:.3f} m"
+            response.success = True
+            response.message = f"weld marked {place}; its profile follows when the metre about it is measured"
+        return response
+
+    def _look(self) -> None:
+        if self._node.active and not self.pending:
+            self._worker.put(self._live.look)
+
+
+def _cloud(cdr: bytes) -> PointCloud2:
+    if len(cdr) > MAX_MESSAGE_BYTES:
+        raise MessageError(f"{point_cloud.TOPIC}: {len(cdr)} bytes", f"send at most {MAX_MESSAGE_BYTES}")
+    try:
+        return deserialize_message(cdr, PointCloud2)
+    except Exception:
+        raise MessageError(f"{point_cloud.TOPIC}: no sensor_msgs/PointCloud2", "publish this type") from None

@@ -1,0 +1,154 @@
+"""trolley_node: a simulated measuring trolley -> rail_surface or rail_surface_points, and marks of its welds."""
+
+import threading
+import time
+from typing import Any
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
+
+from weld_force_ros.errors import InputError
+from weld_force_ros.measurement import synthetic_rail
+from weld_force_ros.measurement.synthetic_rail import Batch, Handling, PlacedWeld, SyntheticRail
+from weld_force_ros.messages import TOPICS, RailSurface, WeldMarker
+from weld_force_ros.ros import point_cloud, qos
+from weld_force_ros.ros.contract_topics import Messenger
+from weld_force_ros.ros.lifecycle import CLOSE_S, ManagedNode
+from weld_force_ros.ros.nodes.trolley_input import CAPTURE_SERVICE
+
+_LOOK_S = 0.05
+_ANSWER_S = 5.0
+_MARKS = ("marker", "service", "none")
+_FORMS = ("json", "points")
+
+
+class TrolleyNode(ManagedNode):
+    """Goes along a synthetic rail once, at `rate` times real speed, when somebody listens; inactive, it stands."""
+
+    kind = "trolley_node"
+
+    def _configure(self, values: dict[str, Any]) -> None:
+        _check_choice(values, "marks", _MARKS)
+        _check_choice(values, "form", _FORMS)
+        self._marks, self._form, self._rate = values["marks"], values["form"], values["rate"]
+        self.rail = SyntheticRail(values["length_m"], values["seed"])
+        self._batches = synthetic_rail.run(self.rail, values["seed"], Handling(speed_m_per_s=values["speed_m_per_s"]))
+        self.messenger = self._resources.enter_context(Messenger(self, [RailSurface, WeldMarker]))
+        if self._form == "points":
+            self._points = self.messenger.outlet(PointCloud2, point_cloud.TOPIC, qos.STREAM)
+        if self._marks == "service":
+            self._client = self.create_client(Trigger, CAPTURE_SERVICE)
+            self._resources.callback(self.destroy_client, self._client)
+        self.messenger.report_health()
+        self._going, self._stopped, self._finished = threading.Event(), threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._go, name="trolley run", daemon=True)
+        self._resources.callback(self._stop)
+
+    def _activate(self) -> None:
+        super()._activate()
+        self._going.set()
+        if self._thread.ident is None:
+            self._thread.start()
+
+    def _deactivate(self) -> None:
+        super()._deactivate()
+        self._going.clear()
+
+    def stop_intake(self) -> None:
+        """Go no further."""
+        if self._configured:
+            self._stopped.set()
+
+    @property
+    def pending(self) -> int:
+        """What is measured is sent at once."""
+        return 0
+
+    @property
+    def finished(self) -> bool:
+        """Whether the whole rail was measured and every weld marked."""
+        return self._configured and self._finished.is_set()
+
+    def _stop(self) -> None:
+        self._stopped.set()
+        if self._thread.ident is not None:
+            self._thread.join(CLOSE_S)
+
+    def _go(self) -> None:
+        try:
+            if self._await_listeners():
+                self._measure()
+        except Exception as error:  # reported by whoever runs the node, and in /diagnostics
+            if not self._stopped.is_set():
+                self.messenger.health.fail(error)
+
+    def _await_listeners(self) -> bool:
+        self.get_logger().info("waiting for somebody who listens")
+        while not self._heard:
+            if self._stopped.wait(_LOOK_S):
+                return False
+        return True
+
+    @property
+    def _heard(self) -> bool:
+        wanted = [point_cloud.TOPIC if self._form == "points" else TOPICS[RailSurface].name]
+        if self._marks == "marker":
+            wanted.append(TOPICS[WeldMarker].name)
+        listened = all(self.count_subscribers(self.resolve_topic_name(topic)) for topic in wanted)
+        return listened and (self._marks != "service" or self._client.service_is_ready())
+
+    def _measure(self) -> None:
+        due_s, at_s = time.monotonic(), 0.0
+        for batch in self._batches:
+            due_s, at_s = max(due_s + (batch.at_s - at_s) / self._rate, time.monotonic()), batch.at_s
+            if not self._wait_until(due_s):
+                return
+            self._send(batch)
+            if batch.weld is not None:
+                self._mark(batch.weld)
+        self._finished.set()
+        self.get_logger().info(f"{self.rail.length_m:g} m of rail measured, {len(self.rail.welds)} welds")
+
+    def _wait_until(self, due_s: float) -> bool:
+        """Whether to go on."""
+        while not self._going.wait(_LOOK_S):
+            if self._stopped.is_set():
+                return False
+        return not self._stopped.wait(max(due_s - time.monotonic(), 0.0))
+
+    def _send(self, batch: Batch) -> None:
+        if self._form == "points":
+            self._points.send(point_cloud.cloud_of(batch.chainage_m, batch.height_m))
+            return
+        self.messenger.publish(
+            RailSurface(
+                chainage=np.round(batch.chainage_m, 6).tolist(),
+                chainage_unit="m",
+                height=np.round(batch.height_m * 1e6, 3).tolist(),
+                height_unit="um",
+                height_positive="up",
+            )
+        )
+
+    def _mark(self, placed: PlacedWeld) -> None:
+        if self._marks == "marker":
+            self.messenger.publish(WeldMarker(chainage_m=placed.chainage_m, weld_id=placed.weld_id))
+        elif self._marks == "service":
+            self._call_service()
+
+    def _call_service(self) -> None:
+        """Stand still until there is an answer, as whoever presses the button does."""
+        self.messenger.wait_until_acknowledged(_ANSWER_S)
+        answered = threading.Event()
+        future = self._client.call_async(Trigger.Request())
+        future.add_done_callback(lambda _: answered.set())
+        if not answered.wait(_ANSWER_S):
+            self.messenger.complain(f"{CAPTURE_SERVICE} did not answer within {_ANSWER_S:g} s")
+        elif not future.result().success:
+            self.messenger.complain(f"{CAPTURE_SERVICE}: {future.result().message}")
+
+
+def _check_choice(values: dict[str, Any], name: str, choices: tuple[str, ...]) -> None:
+    if values[name] not in choices:
+        raise InputError(f"parameter {name} is {values[name]!r}", f"give one of {', '.join(choices)}")
