@@ -26,12 +26,12 @@ bench-campaign: $(READY)
 
 soak: $(READY)
 	$(BIN)/python -m tests.soak.malformed
-	$(BIN)/python -m tests.core.detection_figures
+	$(BIN)/python -m benchmarks.detection
 	$(BIN)/python -m tests.soak.kills
 	$(BIN)/python -m tests.soak.endurance
 
 screenshots: $(READY)
-	$(BIN)/python -m tests.report_screenshots docs
+	$(BIN)/python -m benchmarks.screenshots docs
 
 format: $(READY)
 	$(BIN)/ruff check --fix .

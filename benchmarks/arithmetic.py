@@ -8,7 +8,7 @@ from benchmarks import study, timing
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage import _kernel
 from weld_force_ros.physics.passage._simd import LANES, SPEEDS
-from weld_force_ros.physics.passage.batch import Approaches, make_batch
+from weld_force_ros.physics.passage.batch import PassageStarts, make_batch
 
 _STEPS = 1 << 14
 _PAIRS = 4
@@ -28,13 +28,13 @@ def operations_per_step(poles: int) -> int:
 def arithmetic(repetitions: int) -> dict[str, object]:
     """One thread: the kernel on a smooth wave of fixed length, and independent multiply-adds in registers."""
     model = study.model()
-    roller = study.rig(1).roller
+    solver = study.vehicle_track(1).solver
     positions = np.arange(2 * _PAIRS)
     wave = 1e-5 * np.sin(0.05 * np.arange(_STEPS + 1)) * np.ones((len(positions), 1))
-    weld = Approaches(37 * roller.longest_stride * positions, np.full(len(positions), _STEPS), wave)
+    weld = PassageStarts(37 * solver.longest_stride * positions, np.full(len(positions), _STEPS), wave)
     everything = np.ones((SPEEDS, len(positions)), dtype=np.bool_)
     pool = ThreadPoolExecutor(1)
-    batch = make_batch(roller, np.linspace(60.0, 200.0, SPEEDS), roller.longest_stride, pool)
+    batch = make_batch(solver, np.linspace(60.0, 200.0, SPEEDS), solver.longest_stride, pool)
 
     def roll() -> FloatArray:
         return batch.peaks(weld, everything, pool, 1)

@@ -272,16 +272,16 @@ def _bare(processes: int) -> float:
 def _roll(part: int) -> float:
     settings = simulation_settings(speeds_kmh=parse_speeds(_SPEEDS), positions=_POSITIONS)
     simulator = Simulator(settings, threads=1, curves=False)
-    trajectories = [simulator.trajectory(weld) for weld in synthetic_network.network(_KERNEL_WELDS, seed=1)]
+    wheel_paths = [simulator.wheel_path(weld) for weld in synthetic_network.network(_KERNEL_WELDS, seed=1)]
 
     def rolled(welds: list[Any]) -> None:
-        for _ in simulator.rig.surfaces(welds, settings.speeds_kmh, settings.positions_m, low_passed=True):
+        for _ in simulator.vehicle_track.peak_maps(welds, settings.speeds_kmh, settings.positions_m, low_passed=True):
             pass
 
-    rolled(trajectories[:8])
+    rolled(wheel_paths[:8])
     began = time.perf_counter()
-    rolled(trajectories)
-    return len(trajectories) / (time.perf_counter() - began)
+    rolled(wheel_paths)
+    return len(wheel_paths) / (time.perf_counter() - began)
 
 
 def main(

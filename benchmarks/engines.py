@@ -12,12 +12,14 @@ _TIMES = 4
 def engines(repetitions: int) -> dict[str, Any]:
     """Common poles and RFP roll the whole study; the reference one weld at one speed."""
     fast, rational, reference = (study.study(engine) for engine in ("common-poles", "rfp", "reference"))
-    weld = reference.trajectories[study.WELDS[1]]
+    weld = reference.wheel_paths[study.WELDS[1]]
     taken = timing.interleaved(
         {
             "common_poles": fast.roll,
             "rfp": rational.roll,
-            "reference": lambda: reference.simulator.rig.surface(weld, [_REFERENCE_SPEED_KMH], reference.positions_m),
+            "reference": lambda: reference.simulator.vehicle_track.peak_map(
+                weld, [_REFERENCE_SPEED_KMH], reference.positions_m
+            ),
         },
         repetitions,
     )
@@ -31,9 +33,12 @@ def engines(repetitions: int) -> dict[str, Any]:
 def threads(repetitions: int) -> dict[str, Any]:
     """The study four times over, in one stream, on one thread and on two, in turn."""
     workload = study.study()
-    rigs = {count: study.rig(count) for count in (1, 2)}
+    vehicle_tracks = {count: study.vehicle_track(count) for count in (1, 2)}
     taken = timing.interleaved(
-        {f"{_TIMES}_studies_{count}_thread_s": partial(workload.roll, rig, _TIMES) for count, rig in rigs.items()},
+        {
+            f"{_TIMES}_studies_{count}_thread_s": partial(workload.roll, vehicle_track, _TIMES)
+            for count, vehicle_track in vehicle_tracks.items()
+        },
         repetitions,
     )
     one, two = taken.values()

@@ -44,16 +44,16 @@ def _in_fresh_process(passages: int) -> tuple[float, float]:
 
 def _roll(passages: int) -> tuple[float, float]:
     """Seconds a passage for about so many, tables made before, and the process's peak memory in MB."""
-    workload, rig = study.study(), study.rig()
+    workload, vehicle_track = study.study(), study.vehicle_track()
     rounds = -(-passages // workload.passages)
     row_count = max(1, round(passages / rounds / len(workload.welds) / study.POSITIONS))
     rows = np.linspace(0, len(workload.speeds_kmh) - 1, row_count).astype(int)
     speeds = workload.speeds_kmh[rows]
 
-    stream = rounds * list(workload.trajectories.values())
+    stream = rounds * list(workload.wheel_paths.values())
 
     def roll() -> None:
-        for _ in rig.surfaces(stream, speeds, workload.positions_m):
+        for _ in vehicle_track.peak_maps(stream, speeds, workload.positions_m):
             pass
 
     roll()

@@ -16,10 +16,10 @@ from benchmarks.study import Study
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.engines.common_poles import PoleModel
 from weld_force_ros.physics.passage import _kernel
-from weld_force_ros.physics.passage.passage import Rig
-from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.passage import VehicleTrackModel
+from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.state_space import first_order_hold
-from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, Trajectory
+from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, WheelPath
 
 SAMPLE = 28
 _SEED = 20180301
@@ -34,24 +34,29 @@ class SolvedPassage:
     """One passage over a track of common poles as an initial value problem."""
 
     def __init__(
-        self, rig: Rig, trajectory: Trajectory, speed_kmh: float, position_m: float, until_m: float = -np.inf
+        self,
+        vehicle_track: VehicleTrackModel,
+        wheel_path: WheelPath,
+        speed_kmh: float,
+        position_m: float,
+        until_m: float = -np.inf,
     ) -> None:
-        """Take over where a passage of `rig` begins; `until_m` prolongs it."""
-        model = rig.model
+        """Take over where a passage of `vehicle_track` begins; `until_m` prolongs it."""
+        model = vehicle_track.model
         if not isinstance(model, PoleModel):
             raise TypeError("only tracks of common poles are solved this way")
-        start = rig.start(trajectory, speed_kmh, position_m)
+        start = vehicle_track.start(wheel_path, speed_kmh, position_m)
         speed = speed_kmh / 3.6
-        poles, roller = model.poles_rad_s, rig.roller
-        shapes = np.sqrt(model.pair_weight) * model.shapes_at(roller.grid_m * np.arange(roller.grid))
-        table = np.stack([shapes.real, shapes.imag], axis=2).reshape(roller.grid, -1)
-        pieces = np.ascontiguousarray(-trajectory.spline.c)
-        to_first = position_m + trajectory.start_m - start.x_m
+        poles, solver = model.poles_rad_s, vehicle_track.solver
+        shapes = np.sqrt(model.pair_weight) * model.shapes_at(solver.grid_m * np.arange(solver.grid))
+        table = np.stack([shapes.real, shapes.imag], axis=2).reshape(solver.grid, -1)
+        pieces = np.ascontiguousarray(-wheel_path.spline.c)
+        to_first = position_m + wheel_path.start_m - start.x_m
         self.state = self._physical(model, start.x_m, start.dt_s, start.rail, start.wheel)
         self.end_s = (max(start.last_m, until_m + _BEHIND_PEAK_M) - start.x_m) / speed
         self._equations = (
-            poles.real.copy(), poles.imag.copy(), table, roller.grid_m, pieces, RESAMPLED_STEP_M, start.x_m, to_first,
-            speed, roller.physics,
+            poles.real.copy(), poles.imag.copy(), table, solver.grid_m, pieces, RESAMPLED_STEP_M, start.x_m, to_first,
+            speed, solver.physics,
         )  # fmt: skip
         self._slope = np.empty(len(self.state))
 
@@ -88,12 +93,12 @@ class SolvedPassage:
 
 def speed_against_solver(repetitions: int) -> dict[str, Any]:
     """The study by the kernel and a sample of it by LSODA (rtol 1e-6), in turn: time per passage, and the ratio."""
-    workload, rig = study.study(), study.rig()
+    workload, vehicle_track = study.study(), study.vehicle_track()
     sample = sampled(workload)
     taken = timing.interleaved(
         {
-            "kernel": lambda: workload.roll(rig),
-            "lsoda": lambda: [_solved(rig, workload, cell).peak_by_lsoda(1e-6) for cell in sample],
+            "kernel": lambda: workload.roll(vehicle_track),
+            "lsoda": lambda: [_solved(vehicle_track, workload, cell).peak_by_lsoda(1e-6) for cell in sample],
         },
         repetitions,
     )
@@ -116,27 +121,27 @@ def accuracy() -> dict[str, Any]:
     Every passage of the study is also compared with a compiled Runge-Kutta method, whose own distance from rtol 1e-10
     is given.
     """
-    workload, rig = study.study(), study.rig()
-    surfaces = {
-        name: rig.surface(trajectory, workload.speeds_kmh, workload.positions_m)
-        for name, trajectory in workload.trajectories.items()
+    workload, vehicle_track = study.study(), study.vehicle_track()
+    peak_maps = {
+        name: vehicle_track.peak_map(wheel_path, workload.speeds_kmh, workload.positions_m)
+        for name, wheel_path in workload.wheel_paths.items()
     }
     sample = sampled(workload)
-    solved = [_solved(rig, workload, cell, surfaces) for cell in sample]
+    solved = [_solved(vehicle_track, workload, cell, peak_maps) for cell in sample]
     tight = np.array([passage.peak_by_lsoda(1e-10) for passage in solved])
     usual = np.array([passage.peak_by_lsoda(1e-6) for passage in solved])
     bridge = np.array([passage.peak_by_runge_kutta() for passage in solved])
-    kernel = np.array([surfaces[name].peak_force_n[row, column] for name, row, column in sample])
+    kernel = np.array([peak_maps[name].peak_force_n[row, column] for name, row, column in sample])
     cells: list[Cell] = [
         (name, row, column)
-        for name, surface in surfaces.items()
-        for row, column in np.ndindex(surface.peak_force_n.shape)
+        for name, peak_map in peak_maps.items()
+        for row, column in np.ndindex(peak_map.peak_force_n.shape)
     ]
     with ThreadPoolExecutor() as pool:
         every = np.array(
-            list(pool.map(lambda cell: _solved(rig, workload, cell, surfaces).peak_by_runge_kutta(), cells))
+            list(pool.map(lambda cell: _solved(vehicle_track, workload, cell, peak_maps).peak_by_runge_kutta(), cells))
         )
-    found = np.array([surfaces[name].peak_force_n[row, column] for name, row, column in cells])
+    found = np.array([peak_maps[name].peak_force_n[row, column] for name, row, column in cells])
     return {
         "peak_error_percent_max": float(_percent(found, every).max()),
         "peak_error_percent_median": float(np.median(_percent(found, every))),
@@ -159,11 +164,13 @@ def sampled(workload: Study) -> list[Cell]:
     ]
 
 
-def _solved(rig: Rig, workload: Study, cell: Cell, surfaces: dict[str, Surface] | None = None) -> SolvedPassage:
+def _solved(
+    vehicle_track: VehicleTrackModel, workload: Study, cell: Cell, peak_maps: dict[str, PeakMap] | None = None
+) -> SolvedPassage:
     name, row, column = cell
-    until = surfaces[name].peak_x_m[row, column] if surfaces else -np.inf
-    trajectory = workload.trajectories[name]
-    return SolvedPassage(rig, trajectory, workload.speeds_kmh[row], workload.positions_m[column], until)
+    until = peak_maps[name].peak_x_m[row, column] if peak_maps else -np.inf
+    wheel_path = workload.wheel_paths[name]
+    return SolvedPassage(vehicle_track, wheel_path, workload.speeds_kmh[row], workload.positions_m[column], until)
 
 
 def _percent(values: FloatArray, exact: FloatArray) -> NDArray[np.float64]:

@@ -8,8 +8,8 @@ from weld_force_ros.measurement import profile_file
 from weld_force_ros.messages import WeldProfile
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.engines.common_poles import PoleModel
-from weld_force_ros.physics.passage.passage import Rig
-from weld_force_ros.physics.passage.wheel_path import Trajectory
+from weld_force_ros.physics.passage.passage import VehicleTrackModel
+from weld_force_ros.physics.passage.wheel_path import WheelPath
 from weld_force_ros.simulation import fit_store, track_file
 from weld_force_ros.simulation.settings import parse_speeds, simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
@@ -34,7 +34,7 @@ class Study:
 
     simulator: Simulator
     welds: dict[str, WeldProfile]
-    trajectories: dict[str, Trajectory]
+    wheel_paths: dict[str, WheelPath]
 
     @property
     def speeds_kmh(self) -> FloatArray:
@@ -51,10 +51,10 @@ class Study:
         """Of all welds."""
         return len(self.welds) * len(self.speeds_kmh) * POSITIONS
 
-    def roll(self, rig: Rig | None = None, times: int = 1) -> None:
+    def roll(self, vehicle_track: VehicleTrackModel | None = None, times: int = 1) -> None:
         """Every passage so many times, in one stream, by the simulator's own rig or another."""
-        rolled = (rig or self.simulator.rig).surfaces(
-            times * list(self.trajectories.values()), self.speeds_kmh, self.positions_m
+        rolled = (vehicle_track or self.simulator.vehicle_track).peak_maps(
+            times * list(self.wheel_paths.values()), self.speeds_kmh, self.positions_m
         )
         list(rolled)
 
@@ -64,13 +64,13 @@ def study(engine: str = "common-poles") -> Study:
     settings = simulation_settings(track=TRACK, engine=engine, speeds_kmh=parse_speeds(SPEEDS), positions=POSITIONS)
     simulator = Simulator(settings)
     welds = {name: profile_file.read_profile(profile_file.find(name)) for name in WELDS}
-    return Study(simulator, welds, {name: simulator.trajectory(weld) for name, weld in welds.items()})
+    return Study(simulator, welds, {name: simulator.wheel_path(weld) for name, weld in welds.items()})
 
 
-def rig(threads: int | None = None) -> Rig:
+def vehicle_track(threads: int | None = None) -> VehicleTrackModel:
     """The study's wheel and track on so many threads, or one a core."""
     definition = track_file.load(TRACK)
-    return Rig(model(), definition.wheel, threads=threads)
+    return VehicleTrackModel(model(), definition.wheel, threads=threads)
 
 
 def model() -> PoleModel:

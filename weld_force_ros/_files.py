@@ -48,7 +48,7 @@ NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 
 
 @contextmanager
-def disk(path: Path, remedy: str = "choose another place or free space") -> Iterator[None]:
+def as_bag_error(path: Path, remedy: str = "choose another place or free space") -> Iterator[None]:
     """Turn what the operating system refuses into a BagError about `path`."""
     try:
         yield

@@ -10,8 +10,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from ros_harness import Probe
-
+from tests.harness.ros import Probe
 from weld_force_ros.ros import environment
 
 

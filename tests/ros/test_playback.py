@@ -22,16 +22,24 @@ from mcap.writer import Writer
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
-from ros_harness import DEADLINE_S, Outcomes, Probe, wait_until
 from rosbags.highlevel import AnyReader
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
+from tests.harness.ros import DEADLINE_S, Outcomes, Probe, wait_until
 from weld_force_ros.cli.main import main
 from weld_force_ros.errors import BagError, InputError
 from weld_force_ros.recording import STRING, Recorded, offered_qos, string_cdr
 from weld_force_ros.ros import qos, type_definitions
-from weld_force_ros.ros.playback import CLOCK_PERIOD_S, CLOCK_TOPIC, Manner, Pace, offering, perform, play
+from weld_force_ros.ros.playback import (
+    CLOCK_PERIOD_S,
+    CLOCK_TOPIC,
+    PlaybackClock,
+    PlaybackOptions,
+    offering,
+    play,
+    play_messages,
+)
 
 DEMO = Path(__file__).parents[2] / "bags" / "demo"
 START_NS = 1_700_000_000_000_000_000
@@ -117,7 +125,7 @@ def performed(
 ) -> tuple[PaperStage, PaperTime]:
     time = PaperTime()
     stage = PaperStage(time, sending_s)
-    perform(messages, START_NS + offset_ns, stage, Pace(rate, time.now, time.sleep), threading.Event())
+    play_messages(messages, START_NS + offset_ns, stage, PlaybackClock(rate, time.now, time.sleep), threading.Event())
     return stage, time
 
 
@@ -167,14 +175,16 @@ def test_stopping_leaves_out_the_rest() -> None:
     time, stop = PaperTime(), threading.Event()
     stage = PaperStage(time)
     stage.on_send = lambda: stop.set() if len(stage.sent) == 3 else None
-    perform(recorded(*(("/live", i) for i in range(9))), START_NS, stage, Pace(1.0, time.now, time.sleep), stop)
+    play_messages(
+        recorded(*(("/live", i) for i in range(9))), START_NS, stage, PlaybackClock(1.0, time.now, time.sleep), stop
+    )
     assert len(stage.sent) == 3
 
 
-FAST = Manner(rate=100.0)
+FAST = PlaybackOptions(rate=100.0)
 
 
-def played(path: Path, manner: Manner = FAST) -> tuple[int, list[str]]:
+def played(path: Path, manner: PlaybackOptions = FAST) -> tuple[int, list[str]]:
     """How many messages were sent, and what was said; every topic has its subscriber in these tests."""
     said: list[str] = []
     return play(path, manner, stop=threading.Event(), say=said.append, discovery_s=DEADLINE_S), said
@@ -220,7 +230,7 @@ def nanoseconds(data: bytes) -> int:
 
 
 @contextmanager
-def playing(path: Path, manner: Manner, discovery_s: float = 0.0) -> Iterator[Outcomes]:
+def playing(path: Path, manner: PlaybackOptions, discovery_s: float = 0.0) -> Iterator[Outcomes]:
     """A player on a thread of its own, stopped at the end; collects the times in the recording."""
     stop, times = threading.Event(), Outcomes()
     options: dict[str, Any] = {"stop": stop, "discovery_s": discovery_s}
@@ -259,14 +269,14 @@ def test_with_an_offset_latched_messages_before_it_come_and_live_ones_do_not(
         Channel("/live", texts("live", 0, 500, 900, 901), LIVE),
     )
     maps, live = listener.listen("/map"), listener.listen("/live")
-    assert played(path, Manner(rate=10.0, start_offset_s=0.9)) == (7, [])
+    assert played(path, PlaybackOptions(rate=10.0, start_offset_s=0.9)) == (7, [])
     assert texts_of(maps.wait(5)) == ["map0", "map1", "map2", "map3", "map4"]
     assert texts_of(live.wait(2)) == ["live2", "live3"]
 
 
 def test_late_joiner_gets_what_was_latched(listener: Listener, tmp_path: Path) -> None:
     path = write(tmp_path / "bag.mcap", Channel("/map", texts("map", 0, 1)), Channel("/live", texts("live", 9e6), LIVE))
-    with playing(path, Manner(start_offset_s=1.0)) as times:
+    with playing(path, PlaybackOptions(start_offset_s=1.0)) as times:
         times.wait(2)  # so all before the offset is sent
         assert texts_of(listener.listen("/map", profile=qos.CONTRACT).wait(2)) == ["map0", "map1"]
 
@@ -279,7 +289,7 @@ def test_loop_sends_everything_again_in_the_same_order_until_stopped(listener: L
     )
     maps, live = listener.listen("/map"), listener.listen("/live")
     clock = listener.listen(CLOCK_TOPIC, Clock, EVERY_TICK)
-    with playing(path, Manner(loop=True, start_offset_s=0.005), DEADLINE_S):
+    with playing(path, PlaybackOptions(loop=True, start_offset_s=0.005), DEADLINE_S):
         assert texts_of(maps.wait(7)[:7]) == ["map0", "map1", "map2"] * 2 + ["map0"]
         assert texts_of(live.wait(7)[:7]) == ["live1", "live2", "live3"] * 2 + ["live1"]
         clock.wait(2, lambda data: nanoseconds(data) == START_NS + 30 * MS)
@@ -293,7 +303,7 @@ def test_clock_starts_where_playing_does_and_drives_the_timers_of_others(listene
     path = write(tmp_path / "bag.mcap", Channel("/live", texts("live", 0, 5000, 10_000), LIVE))
     clock, fired = listener.listen(CLOCK_TOPIC, Clock, EVERY_TICK), listener.timer()
     live = listener.listen("/live")
-    assert played(path, Manner(rate=20.0, start_offset_s=4.0)) == (2, [])
+    assert played(path, PlaybackOptions(rate=20.0, start_offset_s=4.0)) == (2, [])
     assert texts_of(live.wait(2)) == ["live1", "live2"]
     clock.wait(1, lambda data: nanoseconds(data) == START_NS + 10_000 * MS)
     times = [nanoseconds(data) - START_NS for data in clock.messages]
@@ -339,7 +349,7 @@ def test_topics_are_offered_as_they_were_recorded(listener: Listener, tmp_path: 
         Channel("/best_effort", texts("b", 0, 9e6), numbers),
         Channel("/unknown", texts("c", 0), "{not yaml"),
     )
-    with playing(path, Manner()):
+    with playing(path, PlaybackOptions()):
         found = {topic: listener.publishers(topic)[0] for topic in ("/latched", "/best_effort", "/unknown")}
     assert {topic: (profile.reliability, profile.durability) for topic, profile in found.items()} == {
         "/latched": (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL),
@@ -403,14 +413,14 @@ def test_without_a_clock_of_its_own_the_recorded_one_is_played(listener: Listene
     clock_hash = type_definitions.type_hash("rosgraph_msgs/Clock")
     path = write(tmp_path / "bag.mcap", Channel(CLOCK_TOPIC, stamps, LIVE, "rosgraph_msgs/msg/Clock", clock_hash))
     clock = listener.listen(CLOCK_TOPIC, Clock, EVERY_TICK)
-    assert played(path, Manner(clock=False)) == (2, [])
+    assert played(path, PlaybackOptions(clock=False)) == (2, [])
     assert clock.wait(2) == [data for _, data in stamps]
 
 
 def test_chosen_topics_only(listener: Listener, tmp_path: Path) -> None:
     path = write(tmp_path / "bag.mcap", *(Channel(f"/{name}", texts(name, 0, 1)) for name in "abc"))
     heard = {name: listener.listen(f"/{name}") for name in "abc"}
-    assert played(path, Manner(topics=("a", "/c"))) == (4, [])
+    assert played(path, PlaybackOptions(topics=("a", "/c"))) == (4, [])
     assert [texts_of(heard[name].wait(2)) for name in "ac"] == [["a0", "a1"], ["c0", "c1"]]
     assert heard["b"].messages == []
 
@@ -436,11 +446,11 @@ def test_cut_recording_is_played_up_to_the_cut(listener: Listener, tmp_path: Pat
 @pytest.mark.parametrize(
     ("manner", "word"),
     [
-        (Manner(start_offset_s=1e6), "behind the end"),
-        (Manner(topics=("elsewhere",)), "no topic /elsewhere"),
+        (PlaybackOptions(start_offset_s=1e6), "behind the end"),
+        (PlaybackOptions(topics=("elsewhere",)), "no topic /elsewhere"),
     ],
 )
-def test_what_the_recording_does_not_have_is_refused(manner: Manner, word: str) -> None:
+def test_what_the_recording_does_not_have_is_refused(manner: PlaybackOptions, word: str) -> None:
     with pytest.raises(InputError, match=word):
         played(DEMO, manner)
 
@@ -451,7 +461,7 @@ def test_what_the_recording_does_not_have_is_refused(manner: Manner, word: str) 
 )  # fmt: skip
 def test_manner_out_of_range_is_refused(options: dict[str, float]) -> None:
     with pytest.raises(InputError, match="out of range"):
-        Manner(**options)  # type: ignore[arg-type]
+        PlaybackOptions(**options)  # type: ignore[arg-type]
 
 
 def test_recordings_without_anything_to_play_are_refused(domain_id: int, tmp_path: Path) -> None:

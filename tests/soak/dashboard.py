@@ -25,6 +25,7 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
+from weld_force_ros.assessment.judge import assess
 from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.messages import (
@@ -43,7 +44,6 @@ from weld_force_ros.messages import (
 from weld_force_ros.report.pdf import find_browser
 from weld_force_ros.ros import environment, qos
 from weld_force_ros.ros.demo import keep_to_itself
-from weld_force_ros.simulation import simulator
 from weld_force_ros.simulation.settings import (
     DEFAULT_POSITIONS,
     DEFAULT_SPEEDS,
@@ -52,6 +52,7 @@ from weld_force_ros.simulation.settings import (
     parse_speeds,
     simulation_settings,
 )
+from weld_force_ros.simulation.simulator import Simulator
 
 # When each weld was first in the page, on the clock that this process has, too.
 WATCH = """
@@ -193,7 +194,7 @@ class _Weld:
         )
         limits = load_limits()
         self._profile = profile_file.read_profile(profile_file.find("weld-4-steep-ramp"))
-        assessed = simulator(self._profile, simulator.Simulator(settings), limits)
+        assessed = assess(self._profile, Simulator(settings), limits)
         self.settings: list[Message] = [settings, limits]
         self._before, self._verdict, self._after = (
             [self._profile, assessed.force_map],

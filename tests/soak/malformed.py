@@ -29,6 +29,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache, partial
+from importlib import resources
 from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple, NoReturn
@@ -38,7 +39,7 @@ import yaml
 from mcap.writer import CompressionType, Writer
 from msgspec import UNSET
 
-from weld_force_ros.assessment.judge import Assessment, judge
+from weld_force_ros.assessment.judge import Assessment, assess, judge
 from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.errors import InputError, WeldForceError
 from weld_force_ros.measurement import profile_file
@@ -206,7 +207,7 @@ def _profile() -> WeldProfile:
 
 @lru_cache
 def _assessment() -> Assessment:
-    return simulator(_profile(), _simulator(), _limits())
+    return assess(_profile(), _simulator(), _limits())
 
 
 def _messages(kind: type[Message]) -> list[Message]:
@@ -279,7 +280,7 @@ def _track_files() -> list[bytes]:
 
 def _limit_files() -> list[bytes]:
     one = b"- {name: peak_force, limit: 200e+3, reject_limit: 350e+3, unit: N, source: s}\n"
-    return [Path(simulator.__file__).with_name("data").joinpath("limits", "default.yaml").read_bytes(), one]
+    return [resources.files("weld_force_ros.data").joinpath("limits", "default.yaml").read_bytes(), one]
 
 
 def _node_parameters() -> list[bytes]:
@@ -346,7 +347,7 @@ def _use(message: Message, data: bytes) -> bool:
             case WeldProfile():
                 check_profile(message.x_m, message.z_m, message.profile_sha256)
                 if zlib.crc32(data) % ASSESSED_ONE_IN == 0:
-                    check_message(simulator(message, _simulator(), _limits()).verdict)
+                    check_message(assess(message, _simulator(), _limits()).verdict)
                     return True
             case ForceMap():
                 check_message(judge(message, _limits()))
@@ -475,12 +476,12 @@ def _live_node() -> tuple[Any, type, list[Rejection]]:
     from rclpy.logging import LoggingSeverity
     from std_msgs.msg import String
 
-    from weld_force_ros.ros.contract_topics import Messenger
+    from weld_force_ros.ros.contract_topics import ContractTopics
 
     rclpy.init(args=[], signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     node = rclpy.create_node("malformed")
     node.get_logger().set_level(LoggingSeverity.FATAL)
-    return Messenger(node, [Rejection]), String, []
+    return ContractTopics(node, [Rejection]), String, []
 
 
 def read_sample(data: bytes) -> Reading:

@@ -1,1 +1,1 @@
-"""From a force map to a verdict: limits, criteria, speed advice, probabilities, grinding; `judge` composes all of it."""
+"""From a force map to a verdict: limits, criteria, speed advice, probabilities, grinding."""

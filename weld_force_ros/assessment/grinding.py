@@ -36,12 +36,12 @@ from weld_force_ros.messages import (
 )
 from weld_force_ros.physics.analysis.geometry import largest_gradient, straightedge_gap
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.engines.greens_function import GreenRig
-from weld_force_ros.physics.passage.passage import Rig
-from weld_force_ros.physics.passage.peak_map import Surface
-from weld_force_ros.physics.passage.wheel_path import wheel_trajectory
+from weld_force_ros.physics.engines.greens_function import GreensFunctionModel
+from weld_force_ros.physics.passage.passage import VehicleTrackModel
+from weld_force_ros.physics.passage.peak_map import PeakMap
+from weld_force_ros.physics.passage.wheel_path import wheel_path_over
 from weld_force_ros.simulation import track_file
-from weld_force_ros.simulation.force_map_view import Judged, Passages, judged_part
+from weld_force_ros.simulation.force_map_view import Passages, RelevantMap, relevant_range
 from weld_force_ros.simulation.simulator import Simulator
 
 MOST_ROUNDS = 8
@@ -66,19 +66,19 @@ Axes: TypeAlias = tuple[Indices, Indices]
 class _Rolling:
     """Speeds (n_speed,) and positions (n_position,) at which a rig rolls over profiles."""
 
-    rig: Rig | GreenRig
+    vehicle_track: VehicleTrackModel | GreensFunctionModel
     speeds_kmh: FloatArray
     positions_m: FloatArray
 
     def over(self, profiles: Sequence[Profile], *, low_passed: bool = True) -> list[Passages]:
         """Passages of shape (n_speed, n_position) over each profile."""
-        wheel = self.rig.wheel
+        wheel = self.vehicle_track.wheel
         with ThreadPoolExecutor() as pool:
-            trajectories = list(pool.map(lambda p: wheel_trajectory(p[0], p[1], wheel.radius_m), profiles))
-        surfaces = self.rig.surfaces(trajectories, self.speeds_kmh, self.positions_m, low_passed=low_passed)
+            wheel_paths = list(pool.map(lambda p: wheel_path_over(p[0], p[1], wheel.radius_m), profiles))
+        peak_maps = self.vehicle_track.peak_maps(wheel_paths, self.speeds_kmh, self.positions_m, low_passed=low_passed)
         return [
             Passages(wheel.static_load_n, s.peak_force_n, s.min_force_n, s.contact_loss_s, *_low_passed(s))
-            for s in surfaces
+            for s in peak_maps
         ]
 
     def at(self, rows: Indices, columns: Indices) -> "_Rolling":
@@ -86,10 +86,10 @@ class _Rolling:
         return replace(self, speeds_kmh=self.speeds_kmh[rows], positions_m=self.positions_m[columns])
 
 
-def _low_passed(surface: Surface) -> tuple[FloatArray | None, FloatArray | None]:
-    if surface.low_passed_n is None:
+def _low_passed(peak_map: PeakMap) -> tuple[FloatArray | None, FloatArray | None]:
+    if peak_map.low_passed_n is None:
         return None, None
-    below_120hz, below_20hz = surface.low_passed_n
+    below_120hz, below_20hz = peak_map.low_passed_n
     return below_120hz, below_20hz
 
 
@@ -193,7 +193,7 @@ class Adviser:
         self._settings, self._limits, self._grinder = settings, limits, grinder or Grinder()
         self._simulator = Simulator(_fast(settings), on_fit=on_fit)
         track = track_file.parse(settings.track_definition, settings.track).track
-        self._reference = GreenRig(track, self._simulator.rig.wheel)
+        self._reference = GreensFunctionModel(track, self._simulator.vehicle_track.wheel)
 
     def advise(self, profile: WeldProfile, *, on_step: Callable[[], None] = lambda: None) -> GrindingAdvice:
         """The least removal that brings a weld within its limits at all speeds and positions that count.
@@ -208,7 +208,7 @@ class Adviser:
         """
         began = time.perf_counter()
         map_before = self._simulator.force_map(profile)
-        before, judged = judge(map_before, self._limits), judged_part(map_before)
+        before, judged = judge(map_before, self._limits), relevant_range(map_before)
         found = _Found(self._nothing(profile), 0.0) if _within(before) else self._search(profile, judged, on_step)
         # What does not help is not advised, however near it comes.
         removal = found.removal if found.excess <= 0 else self._nothing(profile)
@@ -235,7 +235,7 @@ class Adviser:
             after=after.criteria,
             speeds_kmh=judged.speeds_kmh.tolist(),
             peak_before_n=judged.passages.peak_n.max(axis=1).tolist(),
-            peak_after_n=judged_part(map_after).passages.peak_n.max(axis=1).tolist(),
+            peak_after_n=relevant_range(map_after).passages.peak_n.max(axis=1).tolist(),
             reference_checked=found.checked,
             reference_within=found.within,
             reference_peak_n=UNSET if found.peak_n is None else found.peak_n,
@@ -246,10 +246,10 @@ class Adviser:
         x, z = np.array(profile.x_m), np.array(profile.z_m)
         return least_removal(x, z, lambda profiles: np.full((len(profiles), 1), -1.0), self._grinder)
 
-    def _search(self, profile: WeldProfile, judged: Judged, on_step: Callable[[], None]) -> _Found:
+    def _search(self, profile: WeldProfile, judged: RelevantMap, on_step: Callable[[], None]) -> _Found:
         """Search, look where else limits are exceeded, ask the reference, until what was found stands both."""
         limits, x, z = _Limits(self._limits, judged.line_kmh), np.array(profile.x_m), np.array(profile.z_m)
-        fully = _Rolling(self._simulator.rig, judged.speeds_kmh, judged.positions_m)
+        fully = _Rolling(self._simulator.vehicle_track, judged.speeds_kmh, judged.positions_m)
         excess = limits.excess((x, z), judged.passages)
         limits.watch(excess)
         looked_at = _added(_spread(fully), _worst_axes(excess))
@@ -282,7 +282,7 @@ class Adviser:
         self, found: _Found, limits: _Limits, fully: _Rolling, excess: list[FloatArray]
     ) -> tuple[_Found, list[FloatArray]]:
         """The most critical passages by the reference, and what they exceed each limit by."""
-        critical = replace(fully.at(*_critical(fully, _by_passage(excess))), rig=self._reference)
+        critical = replace(fully.at(*_critical(fully, _by_passage(excess))), vehicle_track=self._reference)
         ground = found.removal.x_m, found.removal.ground_m
         passages = critical.over([ground])[0]
         by_reference = limits.excess(ground, passages)

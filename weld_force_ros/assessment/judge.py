@@ -8,19 +8,19 @@ from msgspec import UNSET, UnsetType
 
 from weld_force_ros import SOFTWARE
 from weld_force_ros.assessment.speed_advice import Advice, advise
-from weld_force_ros.assessment.verdict import WORST_POSITION, find
+from weld_force_ros.assessment.verdict import WORST_POSITION, evaluate
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import (
     AssessmentSettings,
     ForceHistory,
     ForceMap,
     SpeedCurve,
-    Spread,
+    UncertaintyResult,
     Verdict,
     WeldProfile,
     known,
 )
-from weld_force_ros.simulation.force_map_view import Passages, judged_part, passages
+from weld_force_ros.simulation.force_map_view import Passages, passages, relevant_range
 
 _AFTER_PEAK_M = 0.1
 
@@ -53,7 +53,7 @@ def judge(force_map: ForceMap, limits: AssessmentSettings) -> Verdict:
         InputError: no limit holds for a line of that speed.
     """
     rules = WORST_POSITION if isinstance(limits.rules, UnsetType) else limits.rules
-    found = find(force_map, limits.limits, rules, limits.gradient_norm)
+    found = evaluate(force_map, limits.limits, rules, limits.gradient_norm)
     if not found.criteria:
         raise InputError(
             f"no limit can be applied to a line of {found.judged_speed_kmh:g} km/h", "state limits for that speed"
@@ -87,7 +87,7 @@ def judge(force_map: ForceMap, limits: AssessmentSettings) -> Verdict:
         restrictions=list(advice.restrictions),
         advice=list(advice.words),
         advice_step_kmh=advice.step_kmh,
-        samples=len(force_map.spread.support_factor) if isinstance(force_map.spread, Spread) else 0,
+        samples=len(force_map.spread.support_factor) if isinstance(force_map.spread, UncertaintyResult) else 0,
     )
 
 
@@ -99,7 +99,7 @@ def _advised(force_map: ForceMap, limits: AssessmentSettings) -> Advice:
         count = max(1, int(np.sum(speeds <= line_kmh * (1 + 1e-9))))
         rolled = passages(force_map.curve, force_map.static_load_n, (len(speeds),), slice(count))
         return advise(speeds[:count], rolled, limits.limits)
-    judged = judged_part(force_map)
+    judged = relevant_range(force_map)
     return advise(judged.speeds_kmh, _over_positions(judged.passages), limits.limits)
 
 
@@ -116,7 +116,7 @@ def _over_positions(at: Passages) -> Passages:
 
 def worst_history(profile: WeldProfile, simulator: Simulates, force_map: ForceMap) -> ForceHistory:
     """The passage that decides the verdict on `force_map`."""
-    worst = find(force_map, [])
+    worst = evaluate(force_map, [])
     return simulator.force_history(
         profile, worst.worst_speed_kmh, worst.worst_position_m, until_m=worst.worst_x_m + _AFTER_PEAK_M
     )

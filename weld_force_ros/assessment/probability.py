@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from weld_force_ros.messages import Spread
+from weld_force_ros.messages import UncertaintyResult
 from weld_force_ros.physics.arrays import FloatArray
 
 PLACE, SUPPORT, CONTACT, RADIUS = "place in the sleeper span", "support stiffness", "contact stiffness", "wheel radius"
@@ -12,7 +12,7 @@ REST = "measurement noise"
 _GROUPS = 8  # of a continuous quantity, whose means are compared
 
 
-def influences(values: FloatArray, spread: Spread) -> Mapping[str, float]:
+def influences(values: FloatArray, spread: UncertaintyResult) -> Mapping[str, float]:
     """Share of a value's variance that goes with each unknown quantity by itself; the rest is noise and interplay.
 
     Correlation ratios (Pearson 1905), corrected for what chance alone would explain (Kelley, Proc. Natl. Acad. Sci. 21,

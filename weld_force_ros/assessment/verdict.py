@@ -22,9 +22,18 @@ from weld_force_ros.assessment.criteria import (
 )
 from weld_force_ros.assessment.limits import applies, check, decides
 from weld_force_ros.assessment.probability import influences
-from weld_force_ros.messages import Criterion, Decision, ForceMap, Limit, NormPoint, PositionOutcome, Rules, Spread
+from weld_force_ros.messages import (
+    Criterion,
+    Decision,
+    ForceMap,
+    Limit,
+    NormPoint,
+    PositionOutcome,
+    Rules,
+    UncertaintyResult,
+)
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.simulation.force_map_view import Judged, judged_part, passages
+from weld_force_ros.simulation.force_map_view import RelevantMap, passages, relevant_range
 
 WORST_POSITION = Rules(unknown_position="worst")
 """The rules of recordings that state none."""
@@ -34,7 +43,7 @@ _SEVERITY: tuple[Decision, ...] = ("accept", "grind", "reject")
 
 
 @dataclass(frozen=True)
-class Finding:
+class Evaluation:
     """What the criteria say of one weld."""
 
     decision: Decision
@@ -50,7 +59,7 @@ class Finding:
 
 
 @dataclass
-class _Weighed:
+class _Evaluated:
     """Criteria in the order of their limits, with what each decides at every position."""
 
     criteria: list[Criterion] = field(default_factory=list)
@@ -58,12 +67,12 @@ class _Weighed:
     unjudged: list[str] = field(default_factory=list)
 
 
-def find(
+def evaluate(
     force_map: ForceMap,
     limits: Sequence[Limit],
     rules: Rules = WORST_POSITION,
     gradient_norm: Sequence[NormPoint] = (),
-) -> Finding:
+) -> Evaluation:
     """Hold a force map against limits.
 
     Args:
@@ -76,11 +85,11 @@ def find(
         InputError: a limit for a criterion that does not exist.
     """
     check(limits)
-    judged = judged_part(force_map)
-    weighed = _Weighed()
+    judged = relevant_range(force_map)
+    weighed = _Evaluated()
     for limit in limits:
         if applies(limit, judged.line_kmh):
-            _weigh(weighed, limit, judged, force_map, gradient_norm)
+            _evaluate_limit(weighed, limit, judged, force_map, gradient_norm)
     row, column = np.unravel_index(np.argmax(judged.passages.peak_n), judged.passages.peak_n.shape)
     peak, speed = float(judged.passages.peak_n[row, column]), float(judged.speeds_kmh[row])
     position = float(judged.positions_m[column])
@@ -97,7 +106,7 @@ def find(
         PositionOutcome(position_m=float(at), decision=_SEVERITY[severity])
         for at, severity in zip(judged.positions_m, by_position, strict=True)
     )
-    return Finding(
+    return Evaluation(
         decision=decision,
         reason="; ".join([worst, found, *doubt]),
         criteria=tuple(weighed.criteria),
@@ -111,8 +120,8 @@ def find(
     )
 
 
-def _weigh(
-    weighed: _Weighed, limit: Limit, judged: Judged, force_map: ForceMap, gradient_norm: Sequence[NormPoint]
+def _evaluate_limit(
+    weighed: _Evaluated, limit: Limit, judged: RelevantMap, force_map: ForceMap, gradient_norm: Sequence[NormPoint]
 ) -> None:
     """Hold what can happen against one limit."""
     if limit.name in GEOMETRY_CRITERIA:
@@ -125,7 +134,7 @@ def _weigh(
             weighed.unjudged.append(limit.name)
         return
     criterion = _criterion(limit, values, judged)
-    if isinstance(force_map.spread, Spread):
+    if isinstance(force_map.spread, UncertaintyResult):
         criterion = _with_probability(criterion, limit, force_map.spread, judged, gradient_norm)
     weighed.criteria.append(criterion)
     if not decides(limit):
@@ -134,7 +143,7 @@ def _weigh(
     weighed.severities.append((at_positions > limit.limit) + (at_positions > limit.reject_limit).astype(np.int64))
 
 
-def _criterion(limit: Limit, values: FloatArray, judged: Judged) -> Criterion:
+def _criterion(limit: Limit, values: FloatArray, judged: RelevantMap) -> Criterion:
     row, column = np.unravel_index(np.argmax(values), values.shape)
     value = float(values[row, column])
     criterion = Criterion(
@@ -161,7 +170,11 @@ def _criterion(limit: Limit, values: FloatArray, judged: Judged) -> Criterion:
 
 
 def _with_probability(
-    criterion: Criterion, limit: Limit, spread: Spread, judged: Judged, gradient_norm: Sequence[NormPoint]
+    criterion: Criterion,
+    limit: Limit,
+    spread: UncertaintyResult,
+    judged: RelevantMap,
+    gradient_norm: Sequence[NormPoint],
 ) -> Criterion:
     """The criterion with the share of samples beyond its limits, and what the value varies with."""
     values = _sampled(limit.name, spread, judged, gradient_norm)
@@ -178,7 +191,9 @@ def _with_probability(
     )
 
 
-def _sampled(name: str, spread: Spread, judged: Judged, gradient_norm: Sequence[NormPoint]) -> FloatArray | None:
+def _sampled(
+    name: str, spread: UncertaintyResult, judged: RelevantMap, gradient_norm: Sequence[NormPoint]
+) -> FloatArray | None:
     """A criterion's value of every sample, (n_sample, n_position), or (n_sample, 1) of what the geometry says."""
     if name == "straightedge":
         return np.array(spread.straightedge_m)[:, None]
@@ -190,7 +205,7 @@ def _sampled(name: str, spread: Spread, judged: Judged, gradient_norm: Sequence[
 
 def _decide(
     by_position: NDArray[np.int64],
-    judged: Judged,
+    judged: RelevantMap,
     force_map: ForceMap,
     rules: Rules,
     worst_speed_kmh: float,

@@ -22,7 +22,7 @@ from weld_force_ros.campaign import plan as plans
 from weld_force_ros.campaign.batch_records import Record
 from weld_force_ros.campaign.campaign_file import Section
 from weld_force_ros.campaign.plan import Plan
-from weld_force_ros.campaign.profile_table import Unusable, Weld
+from weld_force_ros.campaign.profile_table import ProfileRow, RejectedRow
 from weld_force_ros.campaign.sources import Batch
 from weld_force_ros.errors import InputError, NumericalError
 from weld_force_ros.messages import ForceMap, WeldProfile
@@ -35,7 +35,7 @@ FITS = "fits"
 _making = threading.Lock()
 
 
-class Found(NamedTuple):
+class AssessedWeld(NamedTuple):
     """A weld under a vehicle."""
 
     number: int
@@ -46,7 +46,7 @@ class Found(NamedTuple):
     force_map: ForceMap
 
 
-class Refused(NamedTuple):
+class RejectedWeld(NamedTuple):
     """A row of `tables.REJECTIONS`."""
 
     row: dict[str, Any]
@@ -69,7 +69,7 @@ def _remembered(out: Path, plan_sha256: str) -> "Assessor":
     plan = plans.results(out)
     if plan.sha256 != plan_sha256:
         raise InputError(f"{out} holds another plan than the one that is run", "run one campaign a folder")
-    take_fits(out)
+    import_fits(out)
     return Assessor(plan)
 
 
@@ -77,11 +77,11 @@ _Usable = tuple[dict[str, Any], WeldProfile]
 """What a row says beforehand, and a weld."""
 
 
-class Read(NamedTuple):
+class SourceWeld(NamedTuple):
     """A weld of a source, with what its row says beforehand."""
 
     about: dict[str, Any]
-    weld: Weld
+    weld: ProfileRow
 
 
 class Assessor:
@@ -95,22 +95,22 @@ class Assessor:
             for settings in section.vehicles.values()
         }
 
-    def welds(self, batch: Batch) -> Iterator[Read]:
+    def welds(self, batch: Batch) -> Iterator[SourceWeld]:
         """The welds of a batch, read from their sources."""
         number = batch.first
         for piece in batch.pieces:
             source = self.plan.sources[piece.source]
             for weld in sources.read(source, piece):
-                yield Read({"weld_number": number, "line": source.line, "origin": source.origin}, weld)
+                yield SourceWeld({"weld_number": number, "line": source.line, "origin": source.origin}, weld)
                 number += 1
 
-    def assess(self, welds: Iterable[Read]) -> list[Found | Refused]:
+    def assess(self, welds: Iterable[SourceWeld]) -> list[AssessedWeld | RejectedWeld]:
         """What becomes of welds that lie beside each other."""
-        refused = list[Refused]()
+        refused = list[RejectedWeld]()
         placed: dict[str, list[_Usable]] = {section.name: [] for section in self.plan.sections}
         for about, weld in welds:
-            if isinstance(weld, Unusable):
-                refused.append(Refused(about | weld._asdict()))
+            if isinstance(weld, RejectedRow):
+                refused.append(RejectedWeld(about | weld._asdict()))
                 continue
             section = next((s for s in self.plan.sections if s.holds(about["line"], weld.chainage_m)), None)
             if section is None:
@@ -125,7 +125,7 @@ class Assessor:
         ]
         return [*refused, *rolled]
 
-    def _outcomes(self, placed: list[_Usable], section: Section, vehicle: str) -> Iterator[Found | Refused]:
+    def _outcomes(self, placed: list[_Usable], section: Section, vehicle: str) -> Iterator[AssessedWeld | RejectedWeld]:
         """Of welds of a section under one of its vehicles."""
         limits, simulator = self.plan.limits, self._simulators[section.vehicles[vehicle].config_sha256]
         rolled = _force_maps(simulator, [weld for _, weld in placed])
@@ -141,11 +141,11 @@ class Assessor:
                 continue
             row = about | tables.verdict_row(weld, force_map, verdict)
             speeds = tables.speed_columns(force_map, limits)
-            yield Found(about["weld_number"], section.name, vehicle, row, speeds, force_map)
+            yield AssessedWeld(about["weld_number"], section.name, vehicle, row, speeds, force_map)
 
 
-def _refused(about: dict[str, Any], weld: WeldProfile, reason: str, remedy: str) -> Refused:
-    return Refused(about | {"source": weld.source, "reason": reason, "remedy": remedy})
+def _refused(about: dict[str, Any], weld: WeldProfile, reason: str, remedy: str) -> RejectedWeld:
+    return RejectedWeld(about | {"source": weld.source, "reason": reason, "remedy": remedy})
 
 
 def _force_maps(simulator: Simulator, welds: list[WeldProfile]) -> list[ForceMap | NumericalError]:
@@ -163,10 +163,10 @@ def _force_map(simulator: Simulator, weld: WeldProfile) -> ForceMap | NumericalE
         return error
 
 
-def save(outcomes: list[Found | Refused], batch: Batch, out: Path, plan_sha256: str) -> Record:
+def save(outcomes: list[AssessedWeld | RejectedWeld], batch: Batch, out: Path, plan_sha256: str) -> Record:
     """Write a batch's results, then its record."""
-    found = [outcome for outcome in outcomes if isinstance(outcome, Found)]
-    refused = [outcome.row for outcome in outcomes if isinstance(outcome, Refused)]
+    found = [outcome for outcome in outcomes if isinstance(outcome, AssessedWeld)]
+    refused = [outcome.row for outcome in outcomes if isinstance(outcome, RejectedWeld)]
     files: dict[str, str] = {}
     for section in sorted({one.section for one in found}):
         inside = sorted((one for one in found if one.section == section), key=lambda one: one.number)
@@ -184,7 +184,7 @@ def save(outcomes: list[Found | Refused], batch: Batch, out: Path, plan_sha256: 
     return record
 
 
-def _speeds(found: list[Found]) -> Any:
+def _speeds(found: list[AssessedWeld]) -> Any:
     counts = [len(one.speeds["speed_kmh"]) for one in found]
     columns = {name: np.concatenate([one.speeds[name] for one in found]) for name in found[0].speeds}
     columns["weld_number"] = np.repeat([one.number for one in found], counts)
@@ -192,7 +192,7 @@ def _speeds(found: list[Found]) -> Any:
     return pa.table(columns, schema=tables.SPEEDS)
 
 
-def _blocks(found: list[Found], batch: Batch) -> dict[str, Any]:
+def _blocks(found: list[AssessedWeld], batch: Batch) -> dict[str, Any]:
     """A batch's part of the maps, NaN where it has none."""
     a_map = found[0].force_map
     shape = (batch.welds, len(a_map.speeds_kmh), len(a_map.positions_m))
@@ -207,7 +207,7 @@ def _blocks(found: list[Found], batch: Batch) -> dict[str, Any]:
     return {name: block for name, block in blocks.items() if not np.isnan(block).all()}
 
 
-def give_fits(plan: Plan, out: Path) -> None:
+def export_fits(plan: Plan, out: Path) -> None:
     """Make the fits that the plan needs and lay them beside the results, so that no worker has to make one.
 
     Raises:
@@ -220,7 +220,7 @@ def give_fits(plan: Plan, out: Path) -> None:
                 fit_store.write(fit, out / FITS / f"{fit.key}.json")
 
 
-def take_fits(out: Path) -> None:
+def import_fits(out: Path) -> None:
     """Put the fits that came with the campaign into this user's cache, from where they are loaded."""
     for file in sorted((out / FITS).glob("*.json")):
         fit_store.keep(msgspec.json.decode(file.read_bytes(), type=fit_store.AnyFit))

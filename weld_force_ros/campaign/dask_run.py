@@ -102,9 +102,9 @@ def prepare(plan: Plan, out: Path) -> list[Record]:
         InputError: other results are there, or it cannot be written.
     """
     try:
-        plans.adopt(plan, out)
+        plans.claim_folder(plan, out)
         result_store.create_maps(plan, out)
-        batch_task.give_fits(plan, out)
+        batch_task.export_fits(plan, out)
     except OSError as error:
         raise InputError(f"{out}: {error.strerror or error}", "give --out a writable folder") from None
     return list(batch_records.finished(out, plan.sha256, plan.batches))

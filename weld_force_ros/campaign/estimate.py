@@ -19,9 +19,9 @@ from typing import NamedTuple
 import numpy as np
 
 from weld_force_ros.campaign import batch_task, result_store, sources
-from weld_force_ros.campaign.batch_task import Assessor, Found, Read, Refused
+from weld_force_ros.campaign.batch_task import AssessedWeld, Assessor, RejectedWeld, SourceWeld
 from weld_force_ros.campaign.plan import Plan
-from weld_force_ros.campaign.sources import Batch, Piece
+from weld_force_ros.campaign.sources import Batch, SourceSlice
 
 EFFICIENCY = 0.87
 """Of a worker beside others: they share memory, caches and the cores' clock."""
@@ -81,7 +81,7 @@ def estimate(plan: Plan, workers: int, on_trial: Callable[[], None] = lambda: No
     trials = [_trial(assessor, batch) for batch in _batches(plan)]
     for trial in trials:  # loads compiled code and makes the tables that any of them needs
         assessor.assess(trial.welds)
-    seconds, outcomes = list[float](), list[Found | Refused]()
+    seconds, outcomes = list[float](), list[AssessedWeld | RejectedWeld]()
     for trial in trials:
         began = time.perf_counter()
         found = assessor.assess(trial.welds)
@@ -106,7 +106,7 @@ def estimate(plan: Plan, workers: int, on_trial: Callable[[], None] = lambda: No
 class _Trial(NamedTuple):
     """Some welds of a batch, and the seconds that reading one of all took."""
 
-    welds: list[Read]
+    welds: list[SourceWeld]
     read_s: float
 
 
@@ -123,12 +123,12 @@ def _batches(plan: Plan) -> list[Batch]:
     return [batch for batch in sources.batches(plan.sources, plan.batch_welds) if batch.number in chosen]
 
 
-def _saved(plan: Plan, outcomes: list[Found | Refused]) -> tuple[float, float, float]:
+def _saved(plan: Plan, outcomes: list[AssessedWeld | RejectedWeld]) -> tuple[float, float, float]:
     """Seconds of an outcome's writing within a full batch, and bytes of a batch and an outcome.
 
     From the outcomes written all together and half of them: what grows with them is theirs.
     """
-    numbered = [one._replace(number=n) if isinstance(one, Found) else one for n, one in enumerate(outcomes)]
+    numbered = [one._replace(number=n) if isinstance(one, AssessedWeld) else one for n, one in enumerate(outcomes)]
     count = len(numbered)
     with tempfile.TemporaryDirectory(prefix="weld-force-plan-") as folder:
         out = Path(folder)
@@ -147,7 +147,7 @@ def _of(plan: Plan, welds: int) -> Plan:
     return Plan(plan.software, plan.name, [source], plan.sections, plan.limits, plan.batch_welds)
 
 
-def _written(outcomes: list[Found | Refused], number: int, out: Path, welds: int) -> int:
-    batch = Batch(number, 0, [Piece(0, 0, welds)])
+def _written(outcomes: list[AssessedWeld | RejectedWeld], number: int, out: Path, welds: int) -> int:
+    batch = Batch(number, 0, [SourceSlice(0, 0, welds)])
     record = batch_task.save(outcomes, batch, out, "")
     return sum((out / name).stat().st_size for name in record.files)

@@ -58,7 +58,7 @@ def make(campaign: Campaign, sources: list[Source]) -> Plan:
     return Plan(SOFTWARE, campaign.name, sources, campaign.sections, campaign.limits, campaign.batch_welds)
 
 
-def adopt(plan: Plan, out: Path) -> bool:
+def claim_folder(plan: Plan, out: Path) -> bool:
     """Make `out` the folder of this plan's results; returns whether it was already.
 
     Raises:

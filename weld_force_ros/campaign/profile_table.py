@@ -35,7 +35,7 @@ SCHEMA = pa.schema(
 )
 
 
-class Unusable(NamedTuple):
+class RejectedRow(NamedTuple):
     """A weld that cannot be assessed: where it was to come from, why, and what to do."""
 
     source: str
@@ -43,10 +43,10 @@ class Unusable(NamedTuple):
     remedy: str
 
 
-Weld = WeldProfile | Unusable
+ProfileRow = WeldProfile | RejectedRow
 
 
-def write(path: Path, welds: Iterable[Weld]) -> int:
+def write(path: Path, welds: Iterable[ProfileRow]) -> int:
     """Write a table that is there as a whole or not at all; returns its rows.
 
     Raises:
@@ -62,7 +62,7 @@ def write(path: Path, welds: Iterable[Weld]) -> int:
     return count
 
 
-def _write(path: Path, welds: Iterable[Weld]) -> int:
+def _write(path: Path, welds: Iterable[ProfileRow]) -> int:
     count, rows = 0, []
     with pq.ParquetWriter(path, SCHEMA, compression="zstd") as writer:
         for weld in welds:
@@ -76,8 +76,8 @@ def _write(path: Path, welds: Iterable[Weld]) -> int:
     return count + len(rows)
 
 
-def _row(weld: Weld) -> dict[str, Any]:
-    if isinstance(weld, Unusable):
+def _row(weld: ProfileRow) -> dict[str, Any]:
+    if isinstance(weld, RejectedRow):
         return {"source": weld.source, _UNUSABLE: f"{weld.reason}; {weld.remedy}"}
     row = {name: getattr(weld, name) for name in (*_TEXTS, *_NUMBERS)}
     return {name: value for name, value in row.items() if value is not UNSET} | {
@@ -103,7 +103,7 @@ def rows_of(path: Path) -> int:
     return count
 
 
-def read(path: Path, first: int, count: int) -> Iterator[Weld]:
+def read(path: Path, first: int, count: int) -> Iterator[ProfileRow]:
     """Rows `first` to `first + count` of a table; of one that turned out unreadable, as many unusable ones."""
     given = 0
     try:
@@ -114,7 +114,7 @@ def read(path: Path, first: int, count: int) -> Iterator[Weld]:
     except (OSError, pa.ArrowException) as error:
         reason = f"{path.name}: {legible(str(error))}"
         for row in range(first + given, first + count):
-            yield Unusable(f"{path.name}, row {row + 1}", reason, "write the table again")
+            yield RejectedRow(f"{path.name}, row {row + 1}", reason, "write the table again")
 
 
 def _tables(path: Path, first: int, count: int) -> Iterator[Any]:
@@ -136,7 +136,7 @@ def _tables(path: Path, first: int, count: int) -> Iterator[Any]:
                 return
 
 
-def _welds(path: Path, first: int, table: Any) -> Iterator[Weld]:
+def _welds(path: Path, first: int, table: Any) -> Iterator[ProfileRow]:
     stated = [name for name in table.column_names if name not in _LISTS]
     rows = table.select(stated).to_pylist() if stated else [{} for _ in range(len(table))]
     lists = [_lists(table.column(name)) for name in _LISTS]
@@ -152,17 +152,17 @@ def _lists(column: Any) -> list[list[float]]:
     return [flat[begin:end].tolist() for begin, end in itertools.pairwise(ends)]
 
 
-def _weld(where: str, weld_id: str, row: dict[str, Any], x_m: list[float], z_m: list[float]) -> Weld:
+def _weld(where: str, weld_id: str, row: dict[str, Any], x_m: list[float], z_m: list[float]) -> ProfileRow:
     if unusable := row.pop(_UNUSABLE, None):
         reason, _, remedy = unusable.rpartition("; ")
-        return Unusable(row.get("source") or where, reason, remedy)
+        return RejectedRow(row.get("source") or where, reason, remedy)
     content = {"weld_id": weld_id, "source": where[-200:]} | {k: v for k, v in row.items() if v is not None}
     try:
         if problem := profile_problem(x_m, z_m):
-            return Unusable(where, problem, _REMEDY)
+            return RejectedRow(where, problem, _REMEDY)
         own = profile_sha256(x_m, z_m)
         if content.setdefault("profile_sha256", own) != own:
-            return Unusable(where, "profile_sha256 is not the hash of x_m and z_m", _REMEDY)
+            return RejectedRow(where, "profile_sha256 is not the hash of x_m and z_m", _REMEDY)
         return msgspec.convert(content | {"x_m": x_m, "z_m": z_m}, WeldProfile)
     except (msgspec.ValidationError, ValueError) as error:
-        return Unusable(where, legible(str(error)), _REMEDY)
+        return RejectedRow(where, legible(str(error)), _REMEDY)

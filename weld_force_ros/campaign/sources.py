@@ -14,7 +14,7 @@ import msgspec
 
 from weld_force_ros.campaign import profile_table
 from weld_force_ros.campaign.campaign_file import Campaign, SourceFile
-from weld_force_ros.campaign.profile_table import Unusable, Weld
+from weld_force_ros.campaign.profile_table import ProfileRow, RejectedRow
 from weld_force_ros.errors import BagError, InputError, ProfileError
 from weld_force_ros.measurement.profile_file import PlainForm, read_profile
 from weld_force_ros.messages import WeldProfile, identity
@@ -45,7 +45,7 @@ class Source(msgspec.Struct, frozen=True):
     form: PlainForm | None = None
 
 
-class Piece(msgspec.Struct, frozen=True):
+class SourceSlice(msgspec.Struct, frozen=True):
     """Part of a source: `count` welds from `first` on; of a folder, their files."""
 
     source: int
@@ -59,7 +59,7 @@ class Batch(msgspec.Struct, frozen=True):
 
     number: int
     first: int
-    pieces: list[Piece]
+    pieces: list[SourceSlice]
 
     @property
     def welds(self) -> int:
@@ -131,12 +131,12 @@ def _bag(path: Path, origin: str, line: str, unpacked: Path, say: Callable[[str]
     return Source("table", str(table), origin, line, profile_table.rows_of(table), state)
 
 
-def _recorded(path: Path) -> Iterator[Weld]:
+def _recorded(path: Path) -> Iterator[ProfileRow]:
     """Each measurement of a bag once, and what of it cannot be read."""
     seen = set()
     for _, message, _ in contract_messages(open_bag(path)):
         if isinstance(message, BagError):
-            yield Unusable(path.name, message.reason, message.remedy)
+            yield RejectedRow(path.name, message.reason, message.remedy)
         elif isinstance(message, WeldProfile) and (who := identity(message)) not in seen:
             seen.add(who)
             yield message
@@ -144,13 +144,13 @@ def _recorded(path: Path) -> Iterator[Weld]:
 
 def batches(sources: list[Source], size: int) -> Iterator[Batch]:
     """All welds in batches of `size`, the last one of what is left."""
-    number, pieces, room = 0, list[Piece](), size
+    number, pieces, room = 0, list[SourceSlice](), size
     for index, source in enumerate(sources):
         files = _files(Path(source.path)) if source.kind == "folder" else []
         at = 0
         while at < source.welds:
             count = min(room, source.welds - at)
-            pieces.append(Piece(index, at, count, files[at : at + count]))
+            pieces.append(SourceSlice(index, at, count, files[at : at + count]))
             at, room = at + count, room - count
             if room == 0:
                 yield Batch(number, number * size, pieces)
@@ -159,7 +159,7 @@ def batches(sources: list[Source], size: int) -> Iterator[Batch]:
         yield Batch(number, number * size, pieces)
 
 
-def read(source: Source, piece: Piece) -> Iterator[Weld]:
+def read(source: Source, piece: SourceSlice) -> Iterator[ProfileRow]:
     """The welds of a piece, one for each that was counted."""
     path = Path(source.path)
     if source.kind == "table":
@@ -170,4 +170,4 @@ def read(source: Source, piece: Piece) -> Iterator[Weld]:
             yield read_profile(path / name, source.form)
         except ProfileError as error:
             legible_name = name.encode(errors="replace").decode()
-            yield Unusable(legible_name, error.reason.removeprefix(f"{path / name}: "), error.remedy)
+            yield RejectedRow(legible_name, error.reason.removeprefix(f"{path / name}: "), error.remedy)

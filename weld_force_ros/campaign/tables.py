@@ -14,7 +14,7 @@ from weld_force_ros.assessment.criteria import CRITERIA
 from weld_force_ros.assessment.limits import held_values
 from weld_force_ros.messages import AssessmentSettings, Criterion, ForceMap, Verdict, WeldProfile
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.simulation.force_map_view import Passages, counted_positions, passages
+from weld_force_ros.simulation.force_map_view import Passages, passages, relevant_positions
 
 _WHO: dict[str, pa.DataType] = {
     "weld_number": pa.int64(),
@@ -102,7 +102,7 @@ def _ratio(criterion: Criterion) -> float:
 def speed_columns(force_map: ForceMap, limits: AssessmentSettings) -> dict[str, Any]:
     """The columns of `SPEEDS` but for those that say which weld and vehicle, (n_speed,) each."""
     speeds, positions = np.array(force_map.speeds_kmh), np.array(force_map.positions_m)
-    columns = counted_positions(positions, force_map.weld_position_m, force_map.span_m)
+    columns = relevant_positions(positions, force_map.weld_position_m, force_map.span_m)
     counted = passages(force_map, force_map.static_load_n, (len(speeds), len(positions)), np.s_[:, columns])
     if counted.p2_n is None or counted.below_20hz_n is None:
         raise ValueError("low-passed forces were not asked for")

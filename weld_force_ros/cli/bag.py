@@ -74,7 +74,7 @@ def bag_recover(bag: BagPath, target: Recovered = None) -> None:
     try:
         recovered = recover(bag, target)
     except InputError as error:
-        _complain(error)
+        _report_problem(error)
         raise typer.Exit(1) from None
     if recovered.damage:
         terminal.say(f"{bag}: {recovered.damage}")
@@ -100,16 +100,16 @@ def bag_export(bag: BagPath, target: Exported, formats: Formats = None) -> None:
     if target.suffix == ".mcap":
         if formats:
             raise InputError(f"--format {formats[0]} is of tables, {target} is none", "name a folder, or omit --format")
-        exported = export_json(bag, target, on_refused=_complain)
+        exported = export_json(bag, target, on_refused=_report_problem)
     else:
-        exported = export_tables(bag, target, formats or ["csv"], on_refused=_complain)
+        exported = export_tables(bag, target, formats or ["csv"], on_refused=_report_problem)
     terminal.say(f"{exported.message_count} messages exported to {target}")
     if exported.layouts:
         names = " or ".join(str(path) for path in exported.layouts)
         terminal.say(f"layout: {names}  (Foxglove, Lichtblick: open the export, then import this layout)")
 
 
-def _complain(error: InputError) -> None:
+def _report_problem(error: InputError) -> None:
     from weld_force_ros.cli import terminal
 
     terminal.say("weld-force: " + " ".join(str(error).split()))

@@ -5,11 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.cli import json_output
 from weld_force_ros.cli.options import EngineName, Json, Limits, Positions, Speeds, Track
 from weld_force_ros.errors import InputError
-from weld_force_ros.simulation.settings import parse_positions, parse_speeds, simulation_settings
 
 if TYPE_CHECKING:
     from weld_force_ros.assessment.grinding import Adviser
@@ -71,7 +69,9 @@ def _adviser(
 ) -> "Adviser":
     from weld_force_ros.assessment.grinding import Adviser
     from weld_force_ros.assessment.grinding_search import Grinder
+    from weld_force_ros.assessment.limits import load_limits
     from weld_force_ros.cli import terminal
+    from weld_force_ros.simulation.settings import parse_positions, parse_speeds, simulation_settings
 
     if not 0.01 <= band_limit_m <= 2.0:
         raise InputError(f"--band-limit {band_limit_m:g} cannot be ground", "give 0.01 to 2 m")

@@ -108,7 +108,7 @@ def simulate(
             except InputError as error:
                 if len(profiles) == 1:
                     raise
-                _complain(error)
+                _report_problem(error)
                 unusable += 1
                 continue
             bar.remove_task(task)
@@ -362,7 +362,7 @@ def _degrees(value: complex) -> float:
     return math.degrees(cmath.phase(value))
 
 
-def _complain(error: Exception) -> None:
+def _report_problem(error: Exception) -> None:
     sys.stderr.write("weld-force: " + " ".join(str(error).split()) + "\n")
 
 
@@ -374,10 +374,10 @@ def main(arguments: list[str] | None = None) -> int:
         result = app(args=arguments, standalone_mode=False, prog_name="weld-force")
     except _UsageError as error:
         command = error.ctx.command_path if error.ctx else "weld-force"
-        _complain(InputError(error.format_message().rstrip("."), f"see `{command} --help`"))
+        _report_problem(InputError(error.format_message().rstrip("."), f"see `{command} --help`"))
         return 2
     except WeldForceError as error:
-        _complain(error)
+        _report_problem(error)
         return 2
     except (typer.Abort, KeyboardInterrupt):
         return 130

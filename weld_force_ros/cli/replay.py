@@ -78,7 +78,7 @@ def _publish(
     from weld_force_ros.cli import terminal
 
     playback, stop_signals = ros_module("playback"), ros_module("launcher").stop_signals
-    manner = playback.Manner(
+    manner = playback.PlaybackOptions(
         rate=1.0 if rate is None else rate,
         start_offset_s=start_offset or 0.0,
         loop=bool(loop),

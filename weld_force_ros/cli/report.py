@@ -9,13 +9,10 @@ import typer
 from weld_force_ros._files import writing
 from weld_force_ros.cli.options import Limits
 from weld_force_ros.errors import InputError, WeldForceError
-from weld_force_ros.report.html_page import page
-from weld_force_ros.report.table_row import row
-from weld_force_ros.report.weld_detail import detail
 
 if TYPE_CHECKING:
     from weld_force_ros.messages import AssessmentSettings, GrindingAdvice, SimulationSettings, WeldProfile
-    from weld_force_ros.recording.weld_records import Entry, Grind, Weld
+    from weld_force_ros.recording.weld_records import Grind, Record, WeldRecord
 
 Of = Annotated[Path, typer.Argument(metavar="BAG|MAP", help="A bag, or force maps of `simulate --json FILE`.")]
 Out = Annotated[Path, typer.Option("--out", "-o", help="The page (HTML).")]
@@ -27,7 +24,10 @@ def report(of: Of, out: Out, pdf: Pdf = None, limits: Limits = None, grinding: G
     """One self-contained page of welds: what to do with each and why; usable offline, on a phone and on paper."""
     from weld_force_ros.assessment.limits import load_limits
     from weld_force_ros.cli import terminal
+    from weld_force_ros.report.html_page import page
     from weld_force_ros.report.pdf import print_pdf
+    from weld_force_ros.report.table_row import row
+    from weld_force_ros.report.weld_detail import detail
 
     if pdf is not None:
         _refuse_without_browser(pdf)
@@ -50,7 +50,7 @@ def report(of: Of, out: Out, pdf: Pdf = None, limits: Limits = None, grinding: G
         terminal.say(f"written: {pdf}")
 
 
-def _entries(of: Path, limits: "AssessmentSettings | None") -> "list[Entry]":
+def _entries(of: Path, limits: "AssessmentSettings | None") -> "list[Record]":
     from weld_force_ros.assessment.limits import load_limits
     from weld_force_ros.cli import terminal
     from weld_force_ros.recording import weld_records
@@ -69,11 +69,11 @@ def _entries(of: Path, limits: "AssessmentSettings | None") -> "list[Entry]":
     return entries
 
 
-def _with_grinding(entries: "list[Entry]", on_done: Callable[[], None]) -> "list[Entry]":
+def _with_grinding(entries: "list[Record]", on_done: Callable[[], None]) -> "list[Record]":
     from weld_force_ros.cli import terminal
     from weld_force_ros.recording import weld_records
 
-    def failed(weld: "Weld", error: WeldForceError) -> None:
+    def failed(weld: "WeldRecord", error: WeldForceError) -> None:
         terminal.say(f"no advice on grinding {weld.verdict.weld_id}: {error}")
 
     return list(weld_records.with_grinding(entries, _grind(), on_done=on_done, on_failed=failed))

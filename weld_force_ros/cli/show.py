@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from weld_force_ros.messages import Criterion, Verdict
-    from weld_force_ros.recording.weld_records import Entry, Weld
+    from weld_force_ros.recording.weld_records import Record, WeldRecord
 
 _WORST_FIRST = ("reject", "grind", "undecided", "unusable", "accept")
 _WIDTH = 80
@@ -32,10 +32,10 @@ Restrict = Annotated[
 def show(bag: BagPath, weld: Named = None, restrict: Restrict = None, json: Json = None) -> None:
     """The welds of a recording, the worst first, and of one its force over speed, its criteria and advice."""
     from weld_force_ros.cli import terminal
-    from weld_force_ros.recording.weld_records import Weld
+    from weld_force_ros.recording.weld_records import WeldRecord
 
     entries = sorted(_read(bag), key=_severity)
-    welds = [entry for entry in entries if isinstance(entry, Weld)]
+    welds = [entry for entry in entries if isinstance(entry, WeldRecord)]
     if weld is not None:
         welds = [_last_of(weld, welds, bag)]
     with json_output.lines(json) as out:
@@ -52,7 +52,7 @@ def show(bag: BagPath, weld: Named = None, restrict: Restrict = None, json: Json
         _show_one(welds[0], restrict)
 
 
-def _read(bag: Path) -> "list[Entry]":
+def _read(bag: Path) -> "list[Record]":
     from weld_force_ros.assessment.limits import load_limits
     from weld_force_ros.cli import terminal
     from weld_force_ros.recording.replay import read
@@ -69,7 +69,7 @@ def _read(bag: Path) -> "list[Entry]":
     return entries
 
 
-def _last_of(name: str, welds: "Sequence[Weld]", bag: Path) -> "Weld":
+def _last_of(name: str, welds: "Sequence[WeldRecord]", bag: Path) -> "WeldRecord":
     """The weld of a name, as it was judged last."""
     found = [one for one in welds if one.verdict.weld_id == name]
     if found:
@@ -79,25 +79,25 @@ def _last_of(name: str, welds: "Sequence[Weld]", bag: Path) -> "Weld":
     raise InputError(f"{bag} holds no verdict on {name!r}", f"name {', '.join(names[:_MOST_NAMES])}{more}")
 
 
-def _severity(entry: "Entry") -> tuple[int, float]:
+def _severity(entry: "Record") -> tuple[int, float]:
     from weld_force_ros.assessment.limits import ratio, worst
-    from weld_force_ros.recording.weld_records import Weld
+    from weld_force_ros.recording.weld_records import WeldRecord
 
-    if not isinstance(entry, Weld):
+    if not isinstance(entry, WeldRecord):
         return _WORST_FIRST.index("unusable"), 0.0
     return _WORST_FIRST.index(entry.verdict.decision), -ratio(worst(entry.verdict.criteria))
 
 
-def _front_rows(entries: "Sequence[Entry]", restrict: float | None) -> "Iterator[tuple[str | Text, ...]]":
+def _front_rows(entries: "Sequence[Record]", restrict: float | None) -> "Iterator[tuple[str | Text, ...]]":
     from weld_force_ros.assessment.limits import worst
     from weld_force_ros.cli import terminal
-    from weld_force_ros.recording.weld_records import Weld
+    from weld_force_ros.recording.weld_records import WeldRecord
     from weld_force_ros.report.table_row import row
 
     for number, entry in enumerate(entries, start=1):
         about = row(number, entry)
         advice = str(about["advice"])
-        if not isinstance(entry, Weld):
+        if not isinstance(entry, WeldRecord):
             yield terminal.unusable(), str(about["weld"]), "", "", advice
             continue
         verdict, permitted = entry.verdict, about.get("permitted_kmh")
@@ -126,7 +126,7 @@ def _quantity(value: float, unit: str) -> str:
     return f"{_number(value, unit)} {shown}".rstrip()
 
 
-def _under_restriction(weld: "Weld", kmh: float) -> "Verdict | str":
+def _under_restriction(weld: "WeldRecord", kmh: float) -> "Verdict | str":
     """The verdict if nothing ran faster, or why there is none."""
     from msgspec.structs import replace
 
@@ -144,7 +144,7 @@ def _under_restriction(weld: "Weld", kmh: float) -> "Verdict | str":
         return f"not known, {error.reason}"
 
 
-def _restricted(weld: "Weld", kmh: float) -> str:
+def _restricted(weld: "WeldRecord", kmh: float) -> str:
     then = _under_restriction(weld, kmh)
     if isinstance(then, str):
         return then
@@ -152,13 +152,13 @@ def _restricted(weld: "Weld", kmh: float) -> str:
     return f"{then.decision.upper()}, peak {_quantity(then.peak_force_n, 'N')} ({100 * change:+.0f} %)"
 
 
-def _restricted_line(weld: "Weld", kmh: float) -> dict[str, object]:
+def _restricted_line(weld: "WeldRecord", kmh: float) -> dict[str, object]:
     then = _under_restriction(weld, kmh)
     outcome = {"not_judged": then} if isinstance(then, str) else {"restricted": then}
     return {"weld_id": weld.verdict.weld_id, "at_most_kmh": kmh, "recorded": weld.verdict, **outcome}
 
 
-def _show_one(weld: "Weld", restrict: float | None) -> None:
+def _show_one(weld: "WeldRecord", restrict: float | None) -> None:
     from rich.text import Text
 
     from weld_force_ros.cli import terminal

@@ -10,7 +10,7 @@ import typer
 from weld_force_ros.cli import json_output
 
 if TYPE_CHECKING:
-    from weld_force_ros.studies.gallery import Shown
+    from weld_force_ros.studies.gallery import RenderedStudy
 
 app = typer.Typer(
     help="The paper's studies on this software or on a weld of your own, and the engines compared.",
@@ -46,7 +46,7 @@ def _study(name: str) -> Callable[..., None]:
         from weld_force_ros.studies import laboratory, paper
 
         weld = None if profile is None else profile_file.read_profile(profile)
-        lab = laboratory.Laboratory(own_weld=weld, own_track=track, coarse=quick)
+        lab = laboratory.StudyContext(own_weld=weld, own_track=track, coarse=quick)
         with terminal.console.status(f"study {name}"):
             studied = paper.run_one(name, lab, out)
         with json_output.lines(json) as lines:
@@ -69,7 +69,7 @@ def study_all(out: Out, quick: Quick = False, json: Json = None) -> None:
 
     with terminal.progress() as bar:
         studied = paper.run_all(
-            laboratory.Laboratory(coarse=quick),
+            laboratory.StudyContext(coarse=quick),
             out,
             stage=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
         )
@@ -142,7 +142,7 @@ def study_rail(
     terminal.say(f"page: {out / 'rail.html'}")
 
 
-def _tell(shown: "list[Shown]", out: Path) -> None:
+def _tell(shown: "list[RenderedStudy]", out: Path) -> None:
     from weld_force_ros.cli import terminal
 
     figures = sum(len(study.pictures) for study in shown)

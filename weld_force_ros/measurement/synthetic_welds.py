@@ -10,7 +10,8 @@ Each weld is read by a straightedge of 1 m, level at both ends, and is the sum o
 and a random one in two is run over from the other side. What is drawn is stated in `STATISTICS`. The ranges are
 assumptions, set to what one reads of welds before and after finishing; they are fitted to no network, and no force was
 looked at to choose them. Two in five welds are made as dips, two in five as protrusions, one in five is ground smooth,
-with either sign. How a weld was made is not its class: that is for `weld_force_ros.physics.analysis.geometry.classify` to say.
+with either sign. How a weld was made is not its class: that is for
+`weld_force_ros.physics.analysis.geometry.classify` to say.
 """
 
 from collections.abc import Iterator, Mapping

@@ -76,8 +76,8 @@ from weld_force_ros.messages.simulation import (
     ForceMap,
     SimulationSettings,
     SpeedCurve,
-    Spread,
     Uncertainty,
+    UncertaintyResult,
     config_sha256,
 )
 from weld_force_ros.messages.topics import SCHEMAS, TOPICS, Topic, json_schema
@@ -138,11 +138,11 @@ __all__ = [
     "SpeedBand",
     "SpeedCurve",
     "SpeedKmh",
-    "Spread",
     "Stamp",
     "Text",
     "Topic",
     "Uncertainty",
+    "UncertaintyResult",
     "UnknownPosition",
     "UpOrDown",
     "Verdict",

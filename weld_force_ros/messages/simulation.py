@@ -97,7 +97,7 @@ class SpeedCurve(msgspec.Struct, kw_only=True):
     force_20hz_n: Cells | UnsetType = UNSET
 
 
-class Spread(msgspec.Struct, kw_only=True):
+class UncertaintyResult(msgspec.Struct, kw_only=True):
     """What samples of the unknown came to: the worst over speeds up to the line's, row-major (sample, position).
 
     `positions_m` are those that count; the inputs of each sample stand beside: factors on the nominal value, and the
@@ -160,7 +160,7 @@ class ForceMap(Message, kw_only=True):
     ) = UNSET
     measures: ProfileMeasures | UnsetType = UNSET
     curve: SpeedCurve | UnsetType = UNSET
-    spread: Spread | UnsetType = UNSET
+    spread: UncertaintyResult | UnsetType = UNSET
     line_speed_kmh: SpeedKmh | UnsetType = UNSET
     weld_position_m: Metres | UnsetType = UNSET
     chainage_m: Metres | UnsetType = UNSET
@@ -183,7 +183,7 @@ class ForceMap(Message, kw_only=True):
         return wrong_length(self.curve, columns, len(self.curve.speeds_kmh), "curve: ")
 
     def _spread_problem(self) -> str | None:
-        if not isinstance(self.spread, Spread):
+        if not isinstance(self.spread, UncertaintyResult):
             return None
         samples = ("gradient_rad", "straightedge_m", "support_factor", "hertz_factor", "wheel_radius_m")
         cells = [name for name in self.spread.__struct_fields__ if name not in (*samples, "positions_m")]

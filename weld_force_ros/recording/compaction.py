@@ -11,8 +11,8 @@ from weld_force_ros.errors import BagError
 from weld_force_ros.recording.disk_space import DiskSpace
 from weld_force_ros.recording.mcap_reader import McapFile
 from weld_force_ros.recording.mcap_writer import write_whole
-from weld_force_ros.recording.metadata_file import Listing
-from weld_force_ros.recording.rosbag2_format import Tally
+from weld_force_ros.recording.metadata_file import MetadataFile
+from weld_force_ros.recording.rosbag2_format import ChannelStatistics
 
 EVIDENCE = ".cut"
 """What the name of a damaged file, kept beside what was readable of it, ends in."""
@@ -27,7 +27,7 @@ class Compactor:
     A file for which there is no room stays as it is until it is tried again.
     """
 
-    def __init__(self, listing: Listing, space: DiskSpace) -> None:
+    def __init__(self, listing: MetadataFile, space: DiskSpace) -> None:
         self._listing = listing
         self._space = space
         self._postponed: SimpleQueue[Path] = SimpleQueue()
@@ -68,7 +68,7 @@ class Compactor:
             self._failures.put(error)
 
 
-def _compacted(path: Path) -> Tally:
+def _compacted(path: Path) -> ChannelStatistics:
     file = McapFile(path)
     file.scan()
     if file.lost_bytes:

@@ -3,7 +3,7 @@
 import threading
 import time
 
-from weld_force_ros.recording.mcap_writer import WholeWrites
+from weld_force_ros.recording.mcap_writer import AppendFile
 
 SYNC_AFTER_S = 0.05
 """How long writes are gathered before they are forced to the disk; what the disk needs comes on top."""
@@ -14,7 +14,7 @@ class DiskSync:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()  # a file is not closed while it is being forced to the disk
-        self._stream: WholeWrites | None = None
+        self._stream: AppendFile | None = None
         self._waiting_since_s: float | None = None
         self._longest_s = 0.0
         self._error: OSError | None = None
@@ -29,7 +29,7 @@ class DiskSync:
         since_s = self._waiting_since_s
         return max(self._longest_s, time.monotonic() - since_s if since_s is not None else 0.0)
 
-    def follow(self, stream: WholeWrites) -> None:
+    def follow(self, stream: AppendFile) -> None:
         """Look after this file from now on."""
         with self._lock:
             self._stream = stream
@@ -78,7 +78,7 @@ class DiskSync:
                     except OSError as error:
                         self._error = error
 
-    def _sync(self, stream: WholeWrites) -> None:
+    def _sync(self, stream: AppendFile) -> None:
         since_s, self._waiting_since_s = self._waiting_since_s, None
         stream.sync()
         if since_s is not None:

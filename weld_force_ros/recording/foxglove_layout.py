@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 
 
-def layout(namespace: str = "") -> bytes:
+def foxglove_layout(namespace: str = "") -> bytes:
     """The layout's JSON, for the topics of a namespace.
 
     Args:

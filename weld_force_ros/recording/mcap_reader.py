@@ -21,7 +21,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from weld_force_ros.errors import BagError
 from weld_force_ros.messages import legible
-from weld_force_ros.recording.rosbag2_format import MAX_RECORD_BYTES, MessageDefinition, Tally
+from weld_force_ros.recording.rosbag2_format import MAX_RECORD_BYTES, ChannelStatistics, MessageDefinition
 
 MAX_REORDERED_BYTES = 2**30
 """How much may have to be held in memory to bring a file into log order."""
@@ -170,7 +170,7 @@ class McapFile:
     def __init__(self, path: Path, expected_messages: int = 0) -> None:
         self.path = path
         self.size = 0
-        self.tally = Tally()
+        self.tally = ChannelStatistics()
         self.closed = False
         self.indexed = False
         self.lost_bytes = 0
@@ -198,7 +198,7 @@ class McapFile:
 
     def scan(self) -> None:
         """Read it through and note its state."""
-        tally = Tally()
+        tally = ChannelStatistics()
         try:
             status = self.path.stat()
             self.size, self._inode = status.st_size, status.st_ino
@@ -263,7 +263,7 @@ class McapFile:
         while held:
             yield heapq.heappop(held)[2]
 
-    def summary(self) -> Tally | None:
+    def summary(self) -> ChannelStatistics | None:
         """What the file says of itself at its end, read without the rest; None if it was not closed.
 
         Raises:
@@ -285,7 +285,7 @@ class McapFile:
             return None
         return self._summed_up(content)
 
-    def _summed_up(self, content: bytes) -> Tally | None:
+    def _summed_up(self, content: bytes) -> ChannelStatistics | None:
         channels, tally = _Channels(), None
         records = list(_Source(BytesIO(content), len(content), self.path).records())
         for record in records:
@@ -354,7 +354,7 @@ class _Channels:
             self.lost_bytes += len(record.data)
         return None
 
-    def tally(self, statistics: Any) -> Tally | None:
+    def tally(self, statistics: Any) -> ChannelStatistics | None:
         """What a file holds by its own statistics; None if they are of channels that it does not describe."""
         counts: dict[tuple[str, MessageDefinition], int] = {}
         for channel, count in statistics.channel_message_counts.items():
@@ -363,7 +363,7 @@ class _Channels:
             if count:
                 counts[self._channels[channel]] = counts.get(self._channels[channel], 0) + count
         first_ns = statistics.message_start_time if counts else None
-        return Tally(counts, first_ns, statistics.message_end_time)
+        return ChannelStatistics(counts, first_ns, statistics.message_end_time)
 
 
 def _definition(channel: Any, schema: Any) -> MessageDefinition:

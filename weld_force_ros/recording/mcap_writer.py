@@ -12,12 +12,12 @@ from mcap.writer import Writer
 from weld_force_ros._files import new_file
 from weld_force_ros.errors import BagError
 from weld_force_ros.recording.mcap_reader import McapFile, Recorded
-from weld_force_ros.recording.rosbag2_format import MessageDefinition, Tally, information, to_yaml
+from weld_force_ros.recording.rosbag2_format import ChannelStatistics, MessageDefinition, information, to_yaml
 
 _FORCED_BYTES = 8 * 2**20  # of a whole file, at a time
 
 
-class WholeWrites:
+class AppendFile:
     """A file that grows by whole writes: one that fails leaves the file as it was before."""
 
     def __init__(self, path: Path) -> None:
@@ -74,8 +74,8 @@ class WholeWrites:
 class McapWriter:
     """An MCAP file that registers channels as they come."""
 
-    def __init__(self, stream: BinaryIO | WholeWrites, *, chunked: bool, profile: str = "ros2") -> None:
-        self.tally = Tally()
+    def __init__(self, stream: BinaryIO | AppendFile, *, chunked: bool, profile: str = "ros2") -> None:
+        self.tally = ChannelStatistics()
         self._chunked = chunked
         self._schemas: dict[tuple[str, str, str], int] = {}
         self._channels: dict[tuple[str, MessageDefinition], int] = {}
@@ -125,7 +125,7 @@ class McapWriter:
         self._writer.finish()
 
 
-def write_whole(path: Path, messages: Iterable[Recorded], tally: Tally) -> None:
+def write_whole(path: Path, messages: Iterable[Recorded], tally: ChannelStatistics) -> None:
     """Write messages in log order as one compressed, indexed file in rosbag2's form, and read it before it is named.
 
     Args:
@@ -158,7 +158,7 @@ def write_whole(path: Path, messages: Iterable[Recorded], tally: Tally) -> None:
             raise BagError(f"{path}: did not read back as written", "check the disk and try again")
 
 
-def write_metadata(directory: Path, files: Mapping[str, Tally]) -> None:
+def write_metadata(directory: Path, files: Mapping[str, ChannelStatistics]) -> None:
     """Write a recording's `metadata.yaml`: its files by name, and what each holds."""
     with new_file(directory / "metadata.yaml") as stream:
         stream.write(to_yaml({"rosbag2_bagfile_information": information(files)}).encode())

@@ -4,18 +4,18 @@ import threading
 from pathlib import Path
 
 from weld_force_ros.recording.mcap_writer import write_metadata
-from weld_force_ros.recording.rosbag2_format import Tally
+from weld_force_ros.recording.rosbag2_format import ChannelStatistics
 
 
-class Listing:
+class MetadataFile:
     """The files of a recording in order; every change is written at once. Safe to use from several threads."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
-        self._files: dict[str, Tally] = {}
+        self._files: dict[str, ChannelStatistics] = {}
         self._lock = threading.Lock()
 
-    def put(self, *files: tuple[Path, Tally]) -> None:
+    def put(self, *files: tuple[Path, ChannelStatistics]) -> None:
         """Note files, or what they hold by now.
 
         Raises:
@@ -23,7 +23,7 @@ class Listing:
         """
         with self._lock:
             for path, tally in files:
-                self._files[path.name] = Tally(dict(tally.counts), tally.first_ns, tally.last_ns)
+                self._files[path.name] = ChannelStatistics(dict(tally.counts), tally.first_ns, tally.last_ns)
             write_metadata(self._directory, self._files)
 
     def drop(self, path: Path) -> None:

@@ -12,7 +12,7 @@ import msgspec
 from weld_force_ros import _yaml
 from weld_force_ros.errors import BagError
 from weld_force_ros.recording.mcap_reader import McapFile, Recorded
-from weld_force_ros.recording.rosbag2_format import Tally, together
+from weld_force_ros.recording.rosbag2_format import ChannelStatistics, merged
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Bag:
         if len(refusals) == len(self.files):
             raise refusals[0]
         self._readable = [file for file in self.files if not file.refusal]
-        self.tally: Tally = together(file.tally for file in self._readable)
+        self.tally: ChannelStatistics = merged(file.tally for file in self._readable)
         if self.truncated and not self.tally.message_count:
             raise BagError(f"{path} holds no readable message and was not closed", "nothing can be recovered from it")
 

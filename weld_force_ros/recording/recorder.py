@@ -11,16 +11,16 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from weld_force_ros._files import NO_ROOM, PART, disk, sync_folder
+from weld_force_ros._files import NO_ROOM, PART, as_bag_error, sync_folder
 from weld_force_ros.errors import BagError, DiskFullError
 from weld_force_ros.recording.compaction import KEPT, Compactor
 from weld_force_ros.recording.disk_space import DiskSpace
 from weld_force_ros.recording.disk_sync import DiskSync
 from weld_force_ros.recording.mcap_reader import McapFile
-from weld_force_ros.recording.mcap_writer import McapWriter, WholeWrites
-from weld_force_ros.recording.metadata_file import Listing
+from weld_force_ros.recording.mcap_writer import AppendFile, McapWriter
+from weld_force_ros.recording.metadata_file import MetadataFile
 from weld_force_ros.recording.reader import listed_files
-from weld_force_ros.recording.rosbag2_format import MAX_RECORD_BYTES, MessageDefinition, Tally, information
+from weld_force_ros.recording.rosbag2_format import MAX_RECORD_BYTES, ChannelStatistics, MessageDefinition, information
 
 SPLIT_BYTES = 256 * 2**20
 SPLIT_S = 3600.0
@@ -73,14 +73,14 @@ class Recorder:
         self._split_bytes, self._split_s = split_bytes, split_s
         self._lock = threading.Lock()
         self._closed = False
-        self._file: _GrowingFile | None = None
+        self._file: _OpenFile | None = None
         self._stopped = False
         self._look_again_s = 0.0
-        with disk(directory, "choose another place"):
+        with as_bag_error(directory, "choose another place"):
             self._handle = _claim(directory)
             self._space = DiskSpace(directory, reserve_bytes)
             self._sync = DiskSync()
-            self._listing = Listing(directory)
+            self._listing = MetadataFile(directory)
             self._compactor = Compactor(self._listing, self._space)
             try:
                 self._number = self._take_over()
@@ -161,7 +161,7 @@ class Recorder:
                 return
             self._closed = True
         try:
-            with disk(self.directory, KEPT):
+            with as_bag_error(self.directory, KEPT):
                 self._complete()
         finally:
             if self._file:
@@ -195,18 +195,18 @@ class Recorder:
         known = (numbered.match(name) for name in names | listed.keys())
         return max((int(found[1]) + 1 for found in known if found), default=0)
 
-    def _left(self, path: Path) -> Tally:
+    def _left(self, path: Path) -> ChannelStatistics:
         """What a file holds by its own summary; one that was not completed, or not compressed, is now."""
         file = McapFile(path)
         tally = file.summary()
         if tally is None or (tally.message_count and not file.indexed):
             self._compactor.take(path)
-        return tally or Tally()
+        return tally or ChannelStatistics()
 
     def _next_path(self) -> Path:
         return self.directory / f"{self._name}_{self._number}.mcap"
 
-    def _file_for(self, topic: str, size: int, log_time_ns: int) -> "_GrowingFile":
+    def _file_for(self, topic: str, size: int, log_time_ns: int) -> "_OpenFile":
         """The file to write a message to, begun if need be.
 
         Raises:
@@ -226,13 +226,13 @@ class Recorder:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return file
 
-    def _begin(self) -> "_GrowingFile":
+    def _begin(self) -> "_OpenFile":
         self.path = self._next_path()
-        self._file = file = _GrowingFile(self.path)
+        self._file = file = _OpenFile(self.path)
         self._number += 1
         self._sync.follow(file.stream)
         sync_folder(self.directory)
-        self._listing.put((self.path, Tally()))
+        self._listing.put((self.path, ChannelStatistics()))
         self._compactor.take_postponed()
         return file
 
@@ -261,7 +261,7 @@ class Recorder:
         self._let_go(file)
         self._listing.put((file.path, file.tally))
 
-    def _let_go(self, file: "_GrowingFile") -> None:
+    def _let_go(self, file: "_OpenFile") -> None:
         self._file = None
         try:
             self._sync.finish()
@@ -282,7 +282,7 @@ class Recorder:
                 file.discard()
                 self._listing.drop(file.path)
 
-    def _resume(self) -> "_GrowingFile":
+    def _resume(self) -> "_OpenFile":
         if time.monotonic() < self._look_again_s:
             raise self._full()
         self._look_again_s = time.monotonic() + LOOK_AGAIN_S
@@ -307,7 +307,7 @@ class Recorder:
             os.close(self._handle)
 
 
-class _GrowingFile:
+class _OpenFile:
     """A file of a recording that is written to, message by message and without compression."""
 
     def __init__(self, path: Path) -> None:
@@ -316,10 +316,10 @@ class _GrowingFile:
         """When its first message was written, by the monotonic clock."""
         self._newest_ns: dict[str, int] = {}
         self._end = b""
-        self.stream = WholeWrites(path)
+        self.stream = AppendFile(path)
         try:
             self._writer = McapWriter(self.stream, chunked=False)
-            self._writer.note(information({path.name: Tally()}))
+            self._writer.note(information({path.name: ChannelStatistics()}))
             self.stream.sync()
         except OSError:
             self.discard()
@@ -331,7 +331,7 @@ class _GrowingFile:
         return self.stream.tell()
 
     @property
-    def tally(self) -> Tally:
+    def tally(self) -> ChannelStatistics:
         """What it holds."""
         return self._writer.tally
 

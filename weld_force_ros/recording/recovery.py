@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
 
-from weld_force_ros._files import disk, new_folder
+from weld_force_ros._files import as_bag_error, new_folder
 from weld_force_ros.errors import BagError
 from weld_force_ros.recording.mcap_writer import write_metadata, write_whole
 from weld_force_ros.recording.reader import Bag, open_bag
@@ -53,7 +53,7 @@ def recover(source: Path, target: Path | None = None) -> RecoveryReport:
     if already:
         _check_holds(target, bag)
     else:
-        with disk(target), new_folder(target) as folder:
+        with as_bag_error(target), new_folder(target) as folder:
             name = f"{target.resolve().name}_0.mcap"
             write_whole(folder / name, bag.messages(), bag.tally)
             write_metadata(folder, {name: bag.tally})

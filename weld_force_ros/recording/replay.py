@@ -18,7 +18,7 @@ from weld_force_ros.messages import (
     Rejection,
     SimulationSettings,
     SpeedCurve,
-    Spread,
+    UncertaintyResult,
     Verdict,
     WeldProfile,
 )
@@ -166,7 +166,7 @@ def _map_differences(recorded: ForceMap, computed: ForceMap) -> Iterator[str]:
             yield f"{name} differs"
 
 
-def _alike(was: SpeedCurve | Spread, now: SpeedCurve | Spread, tolerance_n: float) -> bool:
+def _alike(was: SpeedCurve | UncertaintyResult, now: SpeedCurve | UncertaintyResult, tolerance_n: float) -> bool:
     """Whether all columns agree: forces as those of the map, what is no force within the tolerance of places."""
     columns = ((getattr(was, name), getattr(now, name), name.endswith("_n")) for name in was.__struct_fields__)
     return all(

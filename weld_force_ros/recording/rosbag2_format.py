@@ -68,7 +68,7 @@ def string_cdr(text: str) -> bytes:
 
 
 @dataclass
-class Tally:
+class ChannelStatistics:
     """What a file holds, by channel, and in what order of time.
 
     Attributes:
@@ -106,9 +106,9 @@ class Tally:
         return self.last_ns - self.start_ns
 
 
-def together(tallies: Iterable[Tally]) -> Tally:
+def merged(tallies: Iterable[ChannelStatistics]) -> ChannelStatistics:
     """What several files hold; how late messages come is told of each file, not of all."""
-    whole = Tally()
+    whole = ChannelStatistics()
     for tally in tallies:
         for channel, count in tally.counts.items():
             whole.counts[channel] = whole.counts.get(channel, 0) + count
@@ -118,9 +118,9 @@ def together(tallies: Iterable[Tally]) -> Tally:
     return whole
 
 
-def information(files: Mapping[str, Tally]) -> dict[str, Any]:
+def information(files: Mapping[str, ChannelStatistics]) -> dict[str, Any]:
     """What rosbag2's metadata, version 9, says of a bag: its files by name, and what each holds."""
-    whole = together(files.values())
+    whole = merged(files.values())
     return {
         "version": 9,
         "storage_identifier": "mcap",
@@ -147,7 +147,7 @@ def information(files: Mapping[str, Tally]) -> dict[str, Any]:
     }
 
 
-def _extent(tally: Tally) -> dict[str, Any]:
+def _extent(tally: ChannelStatistics) -> dict[str, Any]:
     return {
         "duration": {"nanoseconds": tally.duration_ns},
         "starting_time": {"nanoseconds_since_epoch": tally.start_ns},

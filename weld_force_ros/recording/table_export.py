@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 
 from msgspec import UNSET
 
-from weld_force_ros._files import disk, new_folder
+from weld_force_ros._files import as_bag_error, new_folder
 from weld_force_ros.errors import BagError, InputError
 from weld_force_ros.messages import ForceMap, Message, Rejection, Verdict, WeldProfile, identity
 from weld_force_ros.recording.contract_messages import recorded_messages
@@ -259,7 +259,7 @@ def export_tables(
     _check(formats)
     bag = open_bag(source)
     message_count = refused_count = 0
-    with disk(target), new_folder(target) as folder, ExitStack() as stack:
+    with as_bag_error(target), new_folder(target) as folder, ExitStack() as stack:
         sheets = [_Sheet(table, folder, dict.fromkeys(formats), stack) for table in TABLES]
         kinds = tuple(table.kind for table in TABLES)
         for recorded, message in recorded_messages(bag):

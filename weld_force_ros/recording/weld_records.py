@@ -25,7 +25,7 @@ Grind = Callable[[WeldProfile, SimulationSettings, AssessmentSettings], Grinding
 
 
 @dataclass(frozen=True)
-class Weld:
+class WeldRecord:
     """A verdict and what it rests on, as far as that is known."""
 
     verdict: Verdict
@@ -38,16 +38,16 @@ class Weld:
 
 
 @dataclass(frozen=True)
-class Unusable:
+class RejectedRecord:
     """An input that ended in a rejection."""
 
     rejection: Rejection
 
 
-Entry = Weld | Unusable
+Record = WeldRecord | RejectedRecord
 
 
-def recorded(recording: Recording, limits: AssessmentSettings | None, fallback: AssessmentSettings) -> list[Entry]:
+def recorded(recording: Recording, limits: AssessmentSettings | None, fallback: AssessmentSettings) -> list[Record]:
     """The welds of a recording in the order judged, then its rejections.
 
     Args:
@@ -59,9 +59,9 @@ def recorded(recording: Recording, limits: AssessmentSettings | None, fallback: 
     histories = {(h.weld_id, h.profile_sha256, h.config_sha256): h for h in recording.histories}
     last_limits = next(reversed(recording.limits.values()), fallback)
 
-    def weld(verdict: Verdict, by: AssessmentSettings | None) -> Weld:
+    def weld(verdict: Verdict, by: AssessmentSettings | None) -> WeldRecord:
         key = (verdict.weld_id, verdict.profile_sha256, verdict.config_sha256)
-        return Weld(
+        return WeldRecord(
             verdict=verdict,
             force_map=maps.get(key),
             profile=recording.profiles.get(key[:2]),
@@ -70,13 +70,13 @@ def recorded(recording: Recording, limits: AssessmentSettings | None, fallback: 
             limits=by,
         )
 
-    entries: list[Entry] = []
+    entries: list[Record] = []
     if limits is None:
         entries += [weld(v, recording.limits.get(v.limits_sha256)) for v in recording.verdicts]
     judged = {(v.weld_id, v.profile_sha256, v.config_sha256) for v in recording.verdicts} if limits is None else set()
     by = limits or last_limits
     entries += [weld(judge(m, by), by) for key, m in maps.items() if key not in judged]
-    return entries + [Unusable(r) for r in recording.rejections]
+    return entries + [RejectedRecord(r) for r in recording.rejections]
 
 
 def read_maps(path: Path) -> list[ForceMap]:
@@ -106,18 +106,18 @@ def read_maps(path: Path) -> list[ForceMap]:
     return maps
 
 
-def mapped(maps: Sequence[ForceMap], limits: AssessmentSettings) -> list[Entry]:
+def mapped(maps: Sequence[ForceMap], limits: AssessmentSettings) -> list[Record]:
     """Welds of which only the force map is known, judged now."""
-    return [Weld(verdict=judge(m, limits), force_map=m, limits=limits) for m in maps]
+    return [WeldRecord(verdict=judge(m, limits), force_map=m, limits=limits) for m in maps]
 
 
 def with_grinding(
-    entries: Sequence[Entry],
+    entries: Sequence[Record],
     grind: Grind,
     *,
     on_done: Callable[[], None],
-    on_failed: Callable[[Weld, WeldForceError], None],
-) -> Iterator[Entry]:
+    on_failed: Callable[[WeldRecord, WeldForceError], None],
+) -> Iterator[Record]:
     """The same entries, with advice on grinding for every weld that is not accepted and whose geometry is known.
 
     Args:
@@ -128,7 +128,7 @@ def with_grinding(
     """
     for entry in entries:
         advised = entry
-        if isinstance(entry, Weld) and entry.verdict.decision != "accept":
+        if isinstance(entry, WeldRecord) and entry.verdict.decision != "accept":
             try:
                 advised = _ground(entry, grind)
             except WeldForceError as error:
@@ -137,7 +137,7 @@ def with_grinding(
         on_done()
 
 
-def _ground(weld: Weld, grind: Grind) -> Weld:
+def _ground(weld: WeldRecord, grind: Grind) -> WeldRecord:
     if weld.profile is None or weld.settings is None or weld.limits is None:
         return weld
     # A recording's profile may have been stated anew since; its line speed and place are those of the map.

@@ -21,7 +21,7 @@ from weld_force_ros.messages import (
     WeldProfile,
     identity,
 )
-from weld_force_ros.recording.weld_records import Entry, Unusable, Weld
+from weld_force_ros.recording.weld_records import Record, RejectedRecord, WeldRecord
 from weld_force_ros.report.table_row import row
 from weld_force_ros.report.weld_detail import detail
 
@@ -37,7 +37,7 @@ T = TypeVar("T")
 
 
 @dataclass
-class _Making:
+class _PartialWeld:
     """A measurement of which not everything has come; messages are kept compressed, as they may be large.
 
     Attributes:
@@ -56,7 +56,7 @@ class _Making:
         return None if packed is None else msgspec.json.decode(zstandard.decompress(packed), type=kind)
 
 
-class Board:
+class LiveReport:
     """Welds numbered from 1 on, as their verdicts come; messages may come in any order.
 
     A verdict gets its row at once, and details of what has come by then; what comes later is added to these. Memory
@@ -73,7 +73,7 @@ class Board:
         self._rows: deque[bytes] = deque(maxlen=newest)
         self._last = 0
         self._lock = threading.Lock()
-        self._making: OrderedDict[str, _Making] = OrderedDict()
+        self._making: OrderedDict[str, _PartialWeld] = OrderedDict()
         self._settings: OrderedDict[str, SimulationSettings] = OrderedDict()
         self._limits: OrderedDict[str, AssessmentSettings] = OrderedDict()
 
@@ -111,15 +111,15 @@ class Board:
                 self._write_made_by(message.limits_sha256)
             case Rejection():
                 self._making.pop(str(message.profile_id), None)
-                self._write(self._add(Unusable(message)), Unusable(message))
+                self._write(self._add(RejectedRecord(message)), RejectedRecord(message))
             case WeldProfile() | ForceMap() | ForceHistory() | Verdict():
                 self._take_part(message)
 
     def _take_part(self, message: WeldProfile | ForceMap | ForceHistory | Verdict) -> None:
         measurement = identity(message)
-        making = self._making.get(measurement) or _Making()
+        making = self._making.get(measurement) or _PartialWeld()
         if isinstance(message, Verdict):
-            making.shown = self._add(Weld(message)), message
+            making.shown = self._add(WeldRecord(message)), message
         else:
             making.put(message)
         _keep(self._making, measurement, making, _MOST_IN_THE_MAKING)
@@ -132,12 +132,12 @@ class Board:
             if making.shown and sha256 in (making.shown[1].config_sha256, making.shown[1].limits_sha256):
                 self._write_shown(making)
 
-    def _write_shown(self, making: _Making) -> bool:
+    def _write_shown(self, making: _PartialWeld) -> bool:
         """Write the details of a weld that has its row; whether all is in them."""
         if making.shown is None:
             return False
         number, verdict = making.shown
-        weld = Weld(
+        weld = WeldRecord(
             verdict=verdict,
             force_map=making.get(ForceMap),
             profile=making.get(WeldProfile),
@@ -148,7 +148,7 @@ class Board:
         self._write(number, weld)
         return len(making.packed) == _BESIDE_THE_VERDICT and weld.settings is not None and weld.limits is not None
 
-    def _add(self, entry: Entry) -> int:
+    def _add(self, entry: Record) -> int:
         encoded = msgspec.json.encode(row(self._last + 1, entry))
         with self._lock:
             self._last += 1
@@ -157,7 +157,7 @@ class Board:
         self._file(dropped).unlink(missing_ok=True)
         return self._last
 
-    def _write(self, number: int, entry: Entry) -> None:
+    def _write(self, number: int, entry: Record) -> None:
         if number <= self._last - len(self._rows):
             return  # dropped meanwhile
         part = self._file(number).with_suffix(".part")

@@ -15,7 +15,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 from weld_force_ros.errors import InputError
-from weld_force_ros.report.live_report import Board
+from weld_force_ros.report.live_report import LiveReport
 
 ADDRESS = "127.0.0.1"
 _HOSTS = ("localhost", ADDRESS, "[::1]")
@@ -45,7 +45,7 @@ class Server:
         InputError: the port cannot be used.
     """
 
-    def __init__(self, board: Board, page: str, port: int) -> None:
+    def __init__(self, board: LiveReport, page: str, port: int) -> None:
         try:
             self._http = _Http(board, page.encode(), port)
         except OSError as error:
@@ -73,7 +73,7 @@ class _Http(ThreadingHTTPServer):
     daemon_threads = True
     block_on_close = False
 
-    def __init__(self, board: Board, page: bytes, port: int) -> None:
+    def __init__(self, board: LiveReport, page: bytes, port: int) -> None:
         self.board, self.page = board, page
         self._connections: set[socket.socket] = set()
         self._lock = threading.Lock()

@@ -5,20 +5,20 @@ from typing import Any
 from weld_force_ros.assessment.judge import permitted_kmh
 from weld_force_ros.assessment.limits import ratio, worst
 from weld_force_ros.messages import Criterion, GrindingAdvice, Verdict, known
-from weld_force_ros.recording.weld_records import Entry, Weld
+from weld_force_ros.recording.weld_records import Record, WeldRecord
 from weld_force_ros.report.numbers import significant
 
 _LONGEST_LINE = 200
 
 
-def row(number: int, entry: Entry) -> dict[str, Any]:
+def row(number: int, entry: Record) -> dict[str, Any]:
     """The row of a weld or a rejection, as what JSON can hold.
 
     Args:
         number: by which the page knows it, from 1 on.
         entry: a weld, or an input that could not be used.
     """
-    if not isinstance(entry, Weld):
+    if not isinstance(entry, WeldRecord):
         refused = entry.rejection
         return {"n": number, "weld": refused.source, "decision": "unusable",
                 "advice": _one_line(f"{refused.reason}: {refused.remedy}")}  # fmt: skip

@@ -6,7 +6,7 @@ import math
 import plotext
 
 from weld_force_ros.messages import ForceMap, SpeedCurve, Verdict
-from weld_force_ros.simulation.force_map_view import judged_part
+from weld_force_ros.simulation.force_map_view import relevant_range
 
 _HEIGHT = 18
 _MOST_TICKS = 8
@@ -50,7 +50,7 @@ def _worst_over_positions(force_map: ForceMap) -> tuple[list[float], list[float]
     """Speeds in km/h, and the greatest peak in kN at each: from the curve, or as fine as the map where it has none."""
     if isinstance(force_map.curve, SpeedCurve):
         return force_map.curve.speeds_kmh, [peak / 1e3 for peak in force_map.curve.peak_force_n]
-    judged = judged_part(force_map)
+    judged = relevant_range(force_map)
     return judged.speeds_kmh.tolist(), (judged.passages.peak_n.max(axis=1) / 1e3).tolist()
 
 

@@ -24,20 +24,22 @@ from weld_force_ros.messages import (
 )
 from weld_force_ros.physics.analysis.speed_curve import surface_features
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.wheel_path import Trajectory, wheel_trajectory
-from weld_force_ros.recording.weld_records import Entry, Weld
+from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
+from weld_force_ros.recording.weld_records import Record, WeldRecord
 from weld_force_ros.report.numbers import decimals, short, significant, thinned
 from weld_force_ros.report.table_row import what_to_measure
-from weld_force_ros.simulation.force_map_view import Passages, judged_part, passages
+from weld_force_ros.simulation.force_map_view import Passages, passages, relevant_range
 
 MOST_POINTS = 400
 _LONGEST_RAW_TEXT = 4_000
 _HEADER = ("schema_version", "publisher", "sequence", "stamp")
 
 
-def detail(entry: Entry) -> bytes:
+def detail(entry: Record) -> bytes:
     """The data of a weld's section, or of a rejection's, as gzip of JSON; the same bytes for the same entry."""
-    return gzip.compress(msgspec.json.encode(_weld(entry) if isinstance(entry, Weld) else _unusable(entry)), mtime=0)
+    return gzip.compress(
+        msgspec.json.encode(_weld(entry) if isinstance(entry, WeldRecord) else _unusable(entry)), mtime=0
+    )
 
 
 def _unusable(entry: Any) -> dict[str, Any]:
@@ -54,7 +56,7 @@ def _unusable(entry: Any) -> dict[str, Any]:
     }
 
 
-def _weld(weld: Weld) -> dict[str, Any]:
+def _weld(weld: WeldRecord) -> dict[str, Any]:
     content = {
         "verdict": _verdict(weld.verdict),
         "map": weld.force_map and _map(weld.force_map),
@@ -154,7 +156,7 @@ def _worst_over_positions(force_map: ForceMap) -> tuple[FloatArray, Passages]:
     curve, static_n = force_map.curve, force_map.static_load_n
     if curve is not UNSET:
         return np.array(curve.speeds_kmh), passages(curve, static_n, (len(curve.speeds_kmh),))
-    judged = judged_part(force_map)
+    judged = relevant_range(force_map)
     at = judged.passages
     return judged.speeds_kmh, Passages(
         static_n,
@@ -168,7 +170,7 @@ def _worst_over_positions(force_map: ForceMap) -> tuple[FloatArray, Passages]:
 
 def _best_over_positions(force_map: ForceMap) -> dict[str, Any] | None:
     """The least peak over the positions that count, speed by speed; None if there is but one."""
-    judged = judged_part(force_map)
+    judged = relevant_range(force_map)
     if len(judged.positions_m) == 1:
         return None
     return {
@@ -193,12 +195,12 @@ def _profile(profile: WeldProfile, settings: SimulationSettings | None) -> dict[
     x, z = np.array(profile.x_m), np.array(profile.z_m)
     content = {"x_m": decimals(x[drawn], 5), "z_m": decimals(z[drawn], 7)}
     if settings is not None:
-        wheel = wheel_trajectory(x, z, settings.wheel_radius_m)
+        wheel = wheel_path_over(x, z, settings.wheel_radius_m)
         content["wheel_x_m"], content["wheel_m"] = _drawn(wheel, x[0], x[-1])
     return content
 
 
-def _drawn(wheel: Trajectory, from_m: float, to_m: float) -> tuple[list[float], list[float]]:
+def _drawn(wheel: WheelPath, from_m: float, to_m: float) -> tuple[list[float], list[float]]:
     x = np.linspace(from_m, to_m, MOST_POINTS // 2)
     return decimals(x, 5), decimals(wheel.at(x), 7)
 
@@ -229,7 +231,7 @@ def _grinding(advice: GrindingAdvice) -> dict[str, Any]:
     return {name: value for name, value in content.items() if value is not None}
 
 
-def _provenance(weld: Weld) -> list[list[str]]:
+def _provenance(weld: WeldRecord) -> list[list[str]]:
     verdict, force_map, profile, settings = weld.verdict, weld.force_map, weld.profile, weld.settings
     rows: dict[str, object] = {
         "weld": verdict.weld_id,

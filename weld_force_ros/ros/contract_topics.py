@@ -32,7 +32,7 @@ from weld_force_ros.messages import (
 )
 from weld_force_ros.ros import diagnostics, qos
 from weld_force_ros.ros.diagnostics import Health
-from weld_force_ros.ros.sequence_tracker import GapCounter, Header, header_of
+from weld_force_ros.ros.sequence_tracker import Header, SequenceTracker, header_of
 
 M = TypeVar("M", bound=Message)
 _MAX_NAME = 200
@@ -84,7 +84,7 @@ class Incoming(NamedTuple):
         return f"{topic} message {self.header.sequence} of {self.header.publisher}"
 
 
-class Outlet:
+class RecordedPublisher:
     """A ROS publisher that shows each sample to a recorder before it leaves."""
 
     def __init__(
@@ -157,7 +157,7 @@ def listen(
     return subscription
 
 
-class Messenger:
+class ContractTopics:
     """The contract topics of one node.
 
     Args:
@@ -178,13 +178,15 @@ class Messenger:
         self._record = record
         self._group = group
         self._lock = threading.Lock()
-        self._outlets: dict[type[Message], Outlet] = {}
-        self._others: list[Outlet] = []
+        self._outlets: dict[type[Message], RecordedPublisher] = {}
+        self._others: list[RecordedPublisher] = []
         self._subscriptions: list[Subscription] = []
         for kind in publishes:
-            self._outlets[kind] = Outlet(node, String, TOPICS[kind].name, qos.writing(TOPICS[kind]), self._record)
+            self._outlets[kind] = RecordedPublisher(
+                node, String, TOPICS[kind].name, qos.writing(TOPICS[kind]), self._record
+            )
         self._sequence = dict.fromkeys(self._outlets, 0)
-        self._gaps = GapCounter()
+        self._gaps = SequenceTracker()
         self.instance = f"{node.get_fully_qualified_name()}#{secrets.token_hex(4)}"
         self.health = Health(node.get_fully_qualified_name(), self.instance)
         self.health.gaps = lambda: self._gaps.missed
@@ -195,9 +197,9 @@ class Messenger:
         topic: str,
         profile: QoSProfile,
         record: Callable[[Sample], None] | None = None,
-    ) -> Outlet:
+    ) -> RecordedPublisher:
         """A publisher beside the contract's; `record` goes before the messenger's own."""
-        self._others.append(Outlet(self._node, message_type, topic, profile, record or self._record))
+        self._others.append(RecordedPublisher(self._node, message_type, topic, profile, record or self._record))
         return self._others[-1]
 
     def report_health(self) -> None:
@@ -239,9 +241,9 @@ class Messenger:
         with self._lock:
             self._outlets[kind].send_again(cdr)
 
-    def complain(self, problem: object) -> None:
+    def report_problem(self, problem: object) -> None:
         """Log a problem of the node itself, and keep it for /diagnostics."""
-        self.health.complain(str(problem))
+        self.health.report_problem(str(problem))
         self._node.get_logger().error(str(problem))
 
     def reject(self, source: str, error: Exception, raw_text: str = "", **identities: str | UnsetType) -> Rejection:
@@ -281,7 +283,7 @@ class Messenger:
             profile_sha256=profile_sha256,
             profile_id=profile_id if isinstance(profile_id, str) else _identity_of_text(source, raw_text),
         )
-        self.health.complain(f"{rejection.source}: {rejection.reason}")
+        self.health.report_problem(f"{rejection.source}: {rejection.reason}")
         self._node.get_logger().warning(f"{rejection.source} rejected: {rejection.reason}; {rejection.remedy}")
         return rejection
 
@@ -334,7 +336,7 @@ class Messenger:
         try:
             return decode(kind, incoming.text)
         except MessageError as error:
-            self.complain(f"{incoming.description}: {error.reason}")
+            self.report_problem(f"{incoming.description}: {error.reason}")
             return None
 
     def sent(self, kind: type[Message]) -> int:

@@ -16,7 +16,7 @@ _CLOCK_JUMP_S = 2.0
 
 
 class Health:
-    """Counts of one node; `count` and `complain` may be called from any thread.
+    """Counts of one node; `count` and `report_problem` may be called from any thread.
 
     Attributes:
         queue_length: how many messages or files wait in the node.
@@ -54,19 +54,19 @@ class Health:
         with self._lock:
             self.published[topic] += 1
 
-    def complain(self, problem: str) -> None:
+    def report_problem(self, problem: str) -> None:
         """Keep a problem as the last error."""
         self.last_error = problem
 
     def fail(self, error: Exception) -> None:
         """Keep what keeps the node from working at all."""
         self.failure = error
-        self.complain(str(error))
+        self.report_problem(str(error))
 
     def status(self) -> DiagnosticStatus:
         """The state now."""
         if jump_s := self._clocks.jump_s():
-            self.complain(f"the computer's clock was set by {jump_s:+.1f} s; stamps follow it")
+            self.report_problem(f"the computer's clock was set by {jump_s:+.1f} s; stamps follow it")
         with self._lock:
             counts = {f"received {topic}": n for topic, n in sorted(self.received.items())}
             counts |= {f"published {topic}": n for topic, n in sorted(self.published.items())}

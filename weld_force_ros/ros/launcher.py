@@ -26,7 +26,7 @@ from weld_force_ros.assessment.judge import Simulates
 from weld_force_ros.errors import InputError, WeldForceError
 from weld_force_ros.messages import ForceHistory, ForceMap, Message, Rejection, SimulationSettings, Verdict, WeldProfile
 from weld_force_ros.ros import environment
-from weld_force_ros.ros.lifecycle import CLOSE_S, ManagedNode
+from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
 from weld_force_ros.ros.nodes.assessment_node import AssessmentNode
 from weld_force_ros.ros.nodes.dashboard_node import DashboardNode
 from weld_force_ros.ros.nodes.profile_node import ProfileNode
@@ -203,7 +203,7 @@ class Suite:
             self._context.try_shutdown()
             raise InputError(f"{' '.join(foreign)} is unknown", remedy)
 
-    def _make(self, kind: Kind) -> ManagedNode:
+    def _make(self, kind: Kind) -> LifecycleNodeBase:
         overrides = [Parameter(name, value=value) for name, value in self._parameters.get(kind, {}).items()]
         options: dict[str, Any] = {"context": self._context, "parameter_overrides": overrides}
         try:
@@ -342,7 +342,7 @@ def stop_signals() -> Iterator[tuple[threading.Event, threading.Event]]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """`python -m weld_force_ros.ros.launcher KIND [--ros-args ...]`, for launch files; `weld-force node` does the same."""
+    """`python -m weld_force_ros.ros.launcher KIND [--ros-args ...]`, for launch files, as `weld-force node`."""
     parser = argparse.ArgumentParser(prog="weld_force_ros.ros.launcher")
     parser.add_argument("kind", choices=ALL_KINDS)
     known, ros_args = parser.parse_known_args(arguments)

@@ -11,15 +11,15 @@ from rclpy.parameter import Parameter
 
 from weld_force_ros.errors import InputError, WeldForceError
 from weld_force_ros.ros import parameters
-from weld_force_ros.ros.contract_topics import Messenger
+from weld_force_ros.ros.contract_topics import ContractTopics
 from weld_force_ros.ros.parameter_file import PARAMETERS
-from weld_force_ros.ros.worker import Gate
+from weld_force_ros.ros.worker import BackPressureGroup
 
 CLOSE_S = 5.0
 """How long the message in hand, and what was published, may take when a node is closed."""
 
 
-class ManagedNode(LifecycleNode):
+class LifecycleNodeBase(LifecycleNode):
     """A lifecycle node of the suite.
 
     Configured, it has its topics and what it needs; active, it takes what comes in. Inactive, it leaves messages where
@@ -32,7 +32,7 @@ class ManagedNode(LifecycleNode):
     """
 
     kind: str
-    messenger: Messenger
+    messenger: ContractTopics
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(self.kind, **node_options)
@@ -66,9 +66,9 @@ class ManagedNode(LifecycleNode):
         return bool(self.get_parameter("autostart").value)
 
     @property
-    def gate(self) -> Gate:
+    def gate(self) -> BackPressureGroup:
         """A callback group whose messages wait until the node is active and has room for them."""
-        return Gate(lambda: self._active and self._has_room)
+        return BackPressureGroup(lambda: self._active and self._has_room)
 
     @property
     def _has_room(self) -> bool:
@@ -125,23 +125,23 @@ class ManagedNode(LifecycleNode):
             self._resources.close()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """See `ManagedNode`."""
+        """See `LifecycleNodeBase`."""
         return self._attempt(self._configure_from_parameters)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """See `ManagedNode`."""
+        """See `LifecycleNodeBase`."""
         return self._attempt(self._activate)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """See `ManagedNode`."""
+        """See `LifecycleNodeBase`."""
         return self._attempt(self._deactivate)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """See `ManagedNode`."""
+        """See `LifecycleNodeBase`."""
         return self._attempt(self.close)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """See `ManagedNode`."""
+        """See `LifecycleNodeBase`."""
         return self._attempt(self.close)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:

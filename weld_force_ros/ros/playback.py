@@ -28,7 +28,7 @@ from rosgraph_msgs.msg import Clock
 from weld_force_ros.errors import BagError, InputError
 from weld_force_ros.recording import Bag, MessageDefinition, Recorded, open_bag
 from weld_force_ros.ros import environment
-from weld_force_ros.ros.contract_topics import Outlet
+from weld_force_ros.ros.contract_topics import RecordedPublisher
 from weld_force_ros.ros.type_definitions import type_hash
 
 CLOCK_TOPIC = "/clock"
@@ -56,7 +56,7 @@ _Channel = tuple[str, MessageDefinition]
 
 
 @dataclass(frozen=True)
-class Manner:
+class PlaybackOptions:
     """What of a recording is played, and how.
 
     Attributes:
@@ -91,7 +91,7 @@ class _Size:
     largest_bytes: int = 0
 
 
-class Score:
+class PlaybackPlan:
     """A recording to be played: its extent in time and what is on each channel; reads it through once.
 
     Attributes:
@@ -103,7 +103,7 @@ class Score:
         InputError: a topic that is not in it, or a start behind its end.
     """
 
-    def __init__(self, bag: Bag, manner: Manner) -> None:
+    def __init__(self, bag: Bag, manner: PlaybackOptions) -> None:
         self._bag = bag
         self.channels: dict[_Channel, _Size] = defaultdict(_Size)
         times: list[int] = []
@@ -145,7 +145,7 @@ class Score:
         return chosen
 
 
-class Pace:
+class PlaybackClock:
     """How recorded time passes, from `begin` on.
 
     Args:
@@ -171,7 +171,7 @@ class Pace:
         return (recorded_ns - self._origin_ns) * 1e-9 / self._rate - (self._now() - self._begun_s)
 
 
-class Stage(Protocol):
+class MessageSink(Protocol):
     """Where a recording is played."""
 
     def tell(self, recorded_ns: int) -> None:
@@ -184,7 +184,9 @@ class Stage(Protocol):
         """Play a message."""
 
 
-def perform(messages: Iterable[Recorded], start_ns: int, stage: Stage, pace: Pace, stop: threading.Event) -> None:
+def play_messages(
+    messages: Iterable[Recorded], start_ns: int, stage: MessageSink, pace: PlaybackClock, stop: threading.Event
+) -> None:
     """Play messages once: first, at once, the latched ones before the start, then each at its time or late.
 
     The time is told before each message, and at least every `CLOCK_PERIOD_S` between; it never goes back.
@@ -217,7 +219,7 @@ def perform(messages: Iterable[Recorded], start_ns: int, stage: Stage, pace: Pac
 
 def play(
     path: Path,
-    manner: Manner,
+    manner: PlaybackOptions,
     *,
     stop: threading.Event,
     say: Callable[[str], None] = lambda _: None,
@@ -230,7 +232,7 @@ def play(
     """Play a recording onto the ROS graph of this machine, or of the discovery range the user chose.
 
     Every reliable subscriber gets every message: before one that it lacks is pushed out of a publisher's history, it is
-    waited for, up to the bound of `messenger.Outlet`.
+    waited for, up to the bound of `messenger.RecordedPublisher`.
 
     Args:
         path: a bag folder or an .mcap file; a cut one is played up to the cut.
@@ -253,14 +255,14 @@ def play(
     bag = open_bag(path)
     if bag.damage:
         say(f"{path}: {bag.damage}; playing what is there")
-    score = Score(bag, manner)
-    pace = Pace(manner.rate, now, sleep or stop.wait)
+    score = PlaybackPlan(bag, manner)
+    pace = PlaybackClock(manner.rate, now, sleep or stop.wait)
     start_ns = score.start_ns + round(manner.start_offset_s * 1e9)
     with _node(domain_id) as node:
-        stage = _Graph(node, score, manner, say, on_time)
+        stage = RosSink(node, score, manner, say, on_time)
         stage.await_subscribers(discovery_s, stop)
         while not stop.is_set():
-            perform(score.messages(), start_ns, stage, pace, stop)
+            play_messages(score.messages(), start_ns, stage, pace, stop)
             if not manner.loop:
                 break
             pace.sleep(CLOCK_PERIOD_S)  # a recording of one moment would otherwise be played without pause
@@ -288,7 +290,7 @@ def _node(domain_id: int | None) -> Iterator[Node]:
         context.try_shutdown()
 
 
-class _Graph:
+class RosSink:
     """The stage of real publishers.
 
     Attributes:
@@ -298,15 +300,15 @@ class _Graph:
     def __init__(
         self,
         node: Node,
-        score: Score,
-        manner: Manner,
+        score: PlaybackPlan,
+        manner: PlaybackOptions,
         say: Callable[[str], None],
         on_time: Callable[[float, float], None],
     ) -> None:
         self._node, self._score, self._say, self._on_time = node, score, say, on_time
         self._clock = node.create_publisher(Clock, CLOCK_TOPIC, 10) if manner.clock else None
         self._told_ns: int | None = None
-        self._parts: dict[_Channel, Outlet] = {}
+        self._parts: dict[_Channel, RecordedPublisher] = {}
         self._latched: set[str] = set()
         self.sent = 0
         for topic, (message_type, channels) in self._playable().items():
@@ -377,7 +379,7 @@ class _Graph:
         largest = max(size.largest_bytes for size in channels.values())
         profile = offering((definition.offered_qos_profiles for _, definition in channels), largest)
         try:
-            part = Outlet(self._node, message_type, topic, profile, lambda _: None)
+            part = RecordedPublisher(self._node, message_type, topic, profile, lambda _: None)
         except InvalidTopicNameException:
             count = sum(size.message_count for size in channels.values())
             self._say(_not_played(topic, count, "ROS has no such topic names"))

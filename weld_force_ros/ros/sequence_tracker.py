@@ -25,7 +25,7 @@ def header_of(data: str) -> Header | None:
         return None
 
 
-class GapCounter:
+class SequenceTracker:
     """Counts the messages that were missed, by topic and publisher, since its first that arrived.
 
     What was sent before is no loss: who joins late gets as much of it as the publisher keeps.

@@ -17,7 +17,7 @@ class Worker(Generic[T]):
         self,
         name: str,
         handle: Callable[[T], None],
-        complain: Callable[[Exception], None],
+        report_problem: Callable[[Exception], None],
         prepare: Callable[[], bool] = lambda: True,
         *,
         limit: int = 64,
@@ -28,13 +28,13 @@ class Worker(Generic[T]):
         Args:
             name: of the thread.
             handle: called with each item.
-            complain: called with what `handle` raises; the next item is handled all the same.
+            report_problem: called with what `handle` raises; the next item is handled all the same.
             prepare: called once in the thread before the first item; if it returns False, the items stay unhandled.
             limit: how many items may wait before there is no more room.
             on_room: called in the thread when there is room again.
         """
         self._handle = handle
-        self._complain = complain
+        self._report_problem = report_problem
         self._prepare = prepare
         self._limit = limit
         self._on_room = on_room
@@ -88,10 +88,10 @@ class Worker(Generic[T]):
                 self._handle(item)
             except Exception as error:
                 if not self._closed:  # an abandoned item finds its publishers gone
-                    self._complain(error)
+                    self._report_problem(error)
 
 
-class Gate(MutuallyExclusiveCallbackGroup):
+class BackPressureGroup(MutuallyExclusiveCallbackGroup):
     """Callbacks that are held back while there is no room: their messages wait in the middleware, which keeps them."""
 
     def __init__(self, is_open: Callable[[], bool]) -> None:

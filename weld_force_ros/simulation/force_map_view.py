@@ -11,7 +11,7 @@ from weld_force_ros.messages import ForceMap
 from weld_force_ros.physics.arrays import FloatArray
 
 
-class Rolled(Protocol):
+class PassageColumns(Protocol):
     """A message's columns of passages: a map's, a curve's, or samples'."""
 
     peak_force_n: list[float]
@@ -42,7 +42,7 @@ class Passages:
     below_20hz_n: FloatArray | None
 
 
-def passages(rolled: Rolled, static_n: float, shape: tuple[int, ...], part: Any = ...) -> Passages:
+def passages(rolled: PassageColumns, static_n: float, shape: tuple[int, ...], part: Any = ...) -> Passages:
     """The passages of a message.
 
     Args:
@@ -66,7 +66,7 @@ def passages(rolled: Rolled, static_n: float, shape: tuple[int, ...], part: Any 
 
 
 @dataclass(frozen=True)
-class Judged:
+class RelevantMap:
     """The part of a force map that can happen: up to the line's speed, at the weld's position if that is known.
 
     Attributes:
@@ -84,7 +84,7 @@ class Judged:
     line_kmh: float
 
 
-def judged_part(force_map: ForceMap) -> Judged:
+def relevant_range(force_map: ForceMap) -> RelevantMap:
     """The part of a force map that can happen."""
     speeds, positions = np.array(force_map.speeds_kmh), np.array(force_map.positions_m)
     rows, line_kmh = np.arange(len(speeds)), float(speeds[-1])
@@ -92,9 +92,9 @@ def judged_part(force_map: ForceMap) -> Judged:
         line_kmh = force_map.line_speed_kmh
         # A grid that starts above the line's speed is judged at its lowest.
         rows = rows[: max(1, int(np.sum(speeds <= line_kmh * (1 + 1e-9))))]
-    columns = counted_positions(positions, force_map.weld_position_m, force_map.span_m)
+    columns = relevant_positions(positions, force_map.weld_position_m, force_map.span_m)
     shape, part = (len(speeds), len(positions)), np.ix_(rows, columns)
-    return Judged(
+    return RelevantMap(
         speeds[rows],
         positions[columns],
         passages(force_map, force_map.static_load_n, shape, part),
@@ -103,7 +103,7 @@ def judged_part(force_map: ForceMap) -> Judged:
     )
 
 
-def counted_positions(positions_m: FloatArray, at_m: float | UnsetType, span_m: float) -> NDArray[np.intp]:
+def relevant_positions(positions_m: FloatArray, at_m: float | UnsetType, span_m: float) -> NDArray[np.intp]:
     """Which positions count: all, or the computed ones on either side of `at_m`, round the span.
 
     One if it was computed itself.

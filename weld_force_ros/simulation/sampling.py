@@ -7,14 +7,14 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from weld_force_ros.messages import Spread, Uncertainty
+from weld_force_ros.messages import Uncertainty, UncertaintyResult
 from weld_force_ros.physics.analysis.geometry import largest_gradient, straightedge_gap
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.passage import Rig
-from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.passage import VehicleTrackModel
+from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.state_space import StateModel
 from weld_force_ros.physics.passage.wheel import Wheel
-from weld_force_ros.physics.passage.wheel_path import wheel_trajectory
+from weld_force_ros.physics.passage.wheel_path import wheel_path_over
 from weld_force_ros.physics.track.beam import Spring
 from weld_force_ros.simulation import fit_store
 from weld_force_ros.simulation.track_file import TrackDefinition
@@ -52,7 +52,9 @@ class Sampler:
             for factor in np.unique(self._draws.support_factor).tolist()
         }
 
-    def spread(self, x_m: FloatArray, z_m: FloatArray, speeds_kmh: FloatArray, positions_m: FloatArray) -> Spread:
+    def spread(
+        self, x_m: FloatArray, z_m: FloatArray, speeds_kmh: FloatArray, positions_m: FloatArray
+    ) -> UncertaintyResult:
         """The worst over speeds of every sample at every position.
 
         Args:
@@ -69,15 +71,21 @@ class Sampler:
         worst = np.empty((5, count, len(positions_m)))
         for support, hertz, samples in _companies(draws):
             # Made anew for every weld: the tables of all would not fit into a small machine's memory.
-            rig = Rig(self._models[support], replace(self._wheel, hertz_n_per_m15=self._wheel.hertz_n_per_m15 * hertz))
-            trajectories = [wheel_trajectory(x_m, profiles[i], draws.wheel_radius_m[i]) for i in samples]
+            vehicle_track = VehicleTrackModel(
+                self._models[support], replace(self._wheel, hertz_n_per_m15=self._wheel.hertz_n_per_m15 * hertz)
+            )
+            wheel_paths = [wheel_path_over(x_m, profiles[i], draws.wheel_radius_m[i]) for i in samples]
             # The first on all threads: it makes the tables that the others use, a thread each.
-            first = rig.surface(trajectories[0], speeds_kmh, positions_m, low_passed=True, tolerance=_TOLERANCE)
-            rest = rig.surfaces(trajectories[1:], speeds_kmh, positions_m, low_passed=True, tolerance=_TOLERANCE)
-            for i, surface in zip(samples, chain([first], rest), strict=True):
-                worst[:, i] = _worst(surface)
+            first = vehicle_track.peak_map(
+                wheel_paths[0], speeds_kmh, positions_m, low_passed=True, tolerance=_TOLERANCE
+            )
+            rest = vehicle_track.peak_maps(
+                wheel_paths[1:], speeds_kmh, positions_m, low_passed=True, tolerance=_TOLERANCE
+            )
+            for i, peak_map in zip(samples, chain([first], rest), strict=True):
+                worst[:, i] = _worst(peak_map)
         peak, least, loss, p2, below_20hz = worst
-        return Spread(
+        return UncertaintyResult(
             positions_m=positions_m.tolist(),
             peak_force_n=_listed(peak, _FORCE_DECIMALS),
             min_force_n=_listed(least, _FORCE_DECIMALS),
@@ -100,15 +108,15 @@ def _companies(draws: Draws) -> Iterator[tuple[float, float, NDArray[np.intp]]]:
         yield support, hertz, np.flatnonzero(company == number)
 
 
-def _worst(surface: Surface) -> FloatArray:
+def _worst(peak_map: PeakMap) -> FloatArray:
     """(5, n_position): peak, least force, contact loss, and both low-passed forces, over all speeds."""
-    assert surface.low_passed_n is not None  # noqa: S101 - asked for
+    assert peak_map.low_passed_n is not None  # noqa: S101 - asked for
     return np.stack(
         [
-            surface.peak_force_n.max(axis=0),
-            surface.min_force_n.min(axis=0),
-            surface.contact_loss_s.max(axis=0),
-            *surface.low_passed_n.max(axis=1),
+            peak_map.peak_force_n.max(axis=0),
+            peak_map.min_force_n.min(axis=0),
+            peak_map.contact_loss_s.max(axis=0),
+            *peak_map.low_passed_n.max(axis=1),
         ]
     )
 

@@ -10,6 +10,6 @@ Stage = Callable[[str, int], Callable[[], object]]
 """Called with the name of a stage and its number of steps; gives what is to be called after each step."""
 
 
-def unseen(_name: str, _steps: int) -> Callable[[], object]:
+def no_progress(_name: str, _steps: int) -> Callable[[], object]:
     """A `Stage` that nobody looks at."""
     return lambda: None

@@ -9,9 +9,9 @@ from weld_force_ros.physics.analysis.spectra import CUT_HZ, Bands, Spectrum, ban
 from weld_force_ros.physics.analysis.speed_curve import curve_features
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History
-from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.studies import bands_figures, passages, records, variants
-from weld_force_ros.studies.laboratory import CONTINUOUS, Investigation, Laboratory, Measured, as_columns
+from weld_force_ros.studies.laboratory import CONTINUOUS, Measured, StudyContext, StudyResult, as_columns
 from weld_force_ros.studies.tables import Column, Table
 from weld_force_ros.studies.variants import Variant
 
@@ -78,33 +78,35 @@ class Parted:
         return float(x[index] - low[index] * (x[index + 1] - x[index]) / (low[index + 1] - low[index]))
 
 
-def run(lab: Laboratory) -> Investigation:
+def run(lab: StudyContext) -> StudyResult:
     """Force below and above the cut at several speeds, over a weld and the same upside down; and their curves."""
     welds = variants.by_sign(lab)
     speeds = lab.speeds(20, 300, 1)
-    surfaces = list(lab.rig(CONTINUOUS).surfaces([weld.trajectory for weld in welds], speeds, [0.0]))
+    peak_maps = list(lab.vehicle_track(CONTINUOUS).peak_maps([weld.wheel_path for weld in welds], speeds, [0.0]))
     over = {speed: _parted(lab, welds[0], speed) for speed in sorted({*DIP_KMH, *MOVING_KMH})}
     over_inverse = {speed: _parted(lab, welds[1], speed) for speed in RISE_KMH}
-    first_m, last_m = welds[0].trajectory.uneven_m
+    first_m, last_m = welds[0].wheel_path.nonzero_extent_m
     shown_m = (first_m - _BEFORE_M, last_m + _BEHIND_M)
     pictures = [
         bands_figures.parts(welds[0].label, "bands-weld", [over[speed] for speed in DIP_KMH], shown_m),
         bands_figures.parts(welds[1].label, "bands-inverse", list(over_inverse.values()), shown_m),
-        bands_figures.curves([weld.label for weld in welds], speeds, surfaces),
+        bands_figures.curves([weld.label for weld in welds], speeds, peak_maps),
         bands_figures.spectra(welds[0].label, [over[speed] for speed in MOVING_KMH]),
     ]
     tables = {
         "parts": _parts_table(welds, [over, over_inverse], shown_m),
-        "curves": _curves_table(welds, speeds, surfaces),
+        "curves": _curves_table(welds, speeds, peak_maps),
     }
-    measured = _measured(speeds, surfaces, over, over_inverse) if lab.papers else {}
-    return Investigation("bands", "Force below and above 530 Hz", pictures, tables, measured)
+    measured = _measured(speeds, peak_maps, over, over_inverse) if lab.papers else {}
+    return StudyResult("bands", "Force below and above 530 Hz", pictures, tables, measured)
 
 
-def _parted(lab: Laboratory, weld: Variant, speed_kmh: float) -> Parted:
-    rig = lab.rig(CONTINUOUS)
-    passage = records.record(rig, weld.trajectory, speed_kmh)
-    return Parted(speed_kmh, passage, bands(passage.x_m, passage.force_n, speed_kmh, CUT_HZ), rig.wheel.static_load_n)
+def _parted(lab: StudyContext, weld: Variant, speed_kmh: float) -> Parted:
+    vehicle_track = lab.vehicle_track(CONTINUOUS)
+    passage = records.record(vehicle_track, weld.wheel_path, speed_kmh)
+    return Parted(
+        speed_kmh, passage, bands(passage.x_m, passage.force_n, speed_kmh, CUT_HZ), vehicle_track.wheel.static_load_n
+    )
 
 
 def _parts_table(welds: list[Variant], passages: list[dict[float, Parted]], shown_m: tuple[float, float]) -> Table:
@@ -122,24 +124,24 @@ def _parts_table(welds: list[Variant], passages: list[dict[float, Parted]], show
     )  # fmt: skip
 
 
-def _curves_table(welds: list[Variant], speeds: FloatArray, surfaces: list[Surface]) -> Table:
+def _curves_table(welds: list[Variant], speeds: FloatArray, peak_maps: list[PeakMap]) -> Table:
     return Table(
         "Peak force over a weld and the same upside down",
         (Column("weld", "weld"), Column("speed_kmh", "km/h", 0), Column("peak_force_n", "N", 0)),
-        [(weld.label, *row) for weld, surface in zip(welds, surfaces, strict=True)
-         for row in as_columns(speeds, surface.peak_force_n)],
+        [(weld.label, *row) for weld, peak_map in zip(welds, peak_maps, strict=True)
+         for row in as_columns(speeds, peak_map.peak_force_n)],
     )  # fmt: skip
 
 
 def _measured(
-    speeds: FloatArray, surfaces: list[Surface], over: dict[float, Parted], over_inverse: dict[float, Parted]
+    speeds: FloatArray, peak_maps: list[PeakMap], over: dict[float, Parted], over_inverse: dict[float, Parted]
 ) -> Measured:
-    dip, rise = (surface.peak_force_n[:, 0] for surface in surfaces)
+    dip, rise = (peak_map.peak_force_n[:, 0] for peak_map in peak_maps)
     inverted = curve_features(speeds, rise)
     return {
         **_low_part(over),
         **_high_part(over),
-        **_places(speeds, surfaces[0], over),
+        **_places(speeds, peak_maps[0], over),
         "bands.inverted_monotonic": inverted.monotonic,
         "bands.inverted_linearity": inverted.linearity,
         "bands.inverted_parts_at_peak_n": [part for parted in over_inverse.values() for part in parted.at_peak_n],
@@ -174,10 +176,10 @@ def _high_part(over: dict[float, Parted]) -> Measured:
     }
 
 
-def _places(speeds: FloatArray, surface: Surface, over: dict[float, Parted]) -> Measured:
+def _places(speeds: FloatArray, peak_map: PeakMap, over: dict[float, Parted]) -> Measured:
     """Where the two peaks lie, and where the parts have theirs."""
-    maximum_kmh = passages.first_maximum(passages.features(speeds, surface.peak_force_n[:, 0]))[0]
-    leading_m = records.place_at(speeds, surface, maximum_kmh)
+    maximum_kmh = passages.first_maximum(passages.features(speeds, peak_map.peak_force_n[:, 0]))[0]
+    leading_m = records.place_at(speeds, peak_map, maximum_kmh)
     first_120, second_120 = _two_places(over[120.0], leading_m)
     first_200, second_200 = _two_places(over[200.0], leading_m)
     return {

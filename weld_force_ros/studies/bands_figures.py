@@ -6,7 +6,7 @@ from typing import Protocol
 from weld_force_ros.physics.analysis.spectra import CUT_HZ, Bands, Spectrum
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History
-from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.report.figures import BLUE, GREEN, GREY, RED, as_text, new_figure
 from weld_force_ros.studies.laboratory import Picture
 from weld_force_ros.studies.spectrum_figures import mark_frequencies
@@ -55,12 +55,12 @@ def parts(weld: str, name: str, passages: Sequence[Parted], shown_m: tuple[float
     )  # fmt: skip
 
 
-def curves(labels: Sequence[str], speeds_kmh: FloatArray, surfaces: Sequence[Surface]) -> Picture:
+def curves(labels: Sequence[str], speeds_kmh: FloatArray, peak_maps: Sequence[PeakMap]) -> Picture:
     """Peak force against speed of a weld and its inverse."""
     figure = new_figure(7.0, 3.6)
     axes = figure.subplots()
-    for label, surface, colour, style in zip(labels, surfaces, COLOURS, ("-", "--"), strict=False):
-        axes.plot(speeds_kmh, surface.peak_force_n[:, 0] / 1e3, style, color=colour, label=as_text(label))
+    for label, peak_map, colour, style in zip(labels, peak_maps, COLOURS, ("-", "--"), strict=False):
+        axes.plot(speeds_kmh, peak_map.peak_force_n[:, 0] / 1e3, style, color=colour, label=as_text(label))
     axes.set(xlabel="speed, km/h", ylabel="peak force, kN")
     figure.legend(loc="outside upper center", ncols=2, frameon=False)
     return Picture(

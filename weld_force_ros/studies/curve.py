@@ -8,9 +8,9 @@ from weld_force_ros.physics.analysis.peaks import Peak
 from weld_force_ros.physics.analysis.speed_curve import CurveFeatures
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History
-from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.report.figures import new_figure
-from weld_force_ros.studies.laboratory import BILBAO, WELDS, Investigation, Laboratory, Measured, Picture, as_columns
+from weld_force_ros.studies.laboratory import BILBAO, WELDS, Measured, Picture, StudyContext, StudyResult, as_columns
 from weld_force_ros.studies.passages import features, first_maximum, hollow_after_maximum, split_peaks, two_highest
 from weld_force_ros.studies.style import COLOURS
 from weld_force_ros.studies.tables import Column, Table
@@ -26,14 +26,14 @@ _EVERY = 4  # points of the 0.25 mm grid, in the table
 _FORCE, _WELD = COLOURS[0], COLOURS[1]
 
 
-def run(lab: Laboratory) -> Investigation:
+def run(lab: StudyContext) -> StudyResult:
     """Force against speed at one position, and five of its passages."""
     (weld,) = lab.welds(WELDS[0])
     speeds = lab.speeds(*_SPEEDS_KMH)
-    surface = lab.surface(weld, BILBAO, speeds, [POSITION_M])
+    peak_map = lab.peak_map(weld, BILBAO, speeds, [POSITION_M])
     histories = {speed: lab.history(weld, BILBAO, speed, POSITION_M) for speed in HISTORIES_KMH.values()}
-    curve = features(speeds, surface.peak_force_n[:, 0])
-    figure = _draw(lab, weld, speeds, surface.peak_force_n[:, 0], histories)
+    curve = features(speeds, peak_map.peak_force_n[:, 0])
+    figure = _draw(lab, weld, speeds, peak_map.peak_force_n[:, 0], histories)
     picture = Picture(
         "force-against-speed", f"Force against speed: {weld}",
         f"Above: peak force over {weld}, centred {POSITION_M * 100:g} cm after a sleeper, against speed. Below: the "
@@ -43,7 +43,7 @@ def run(lab: Laboratory) -> Investigation:
         "curve": Table(
             "Peak force against speed",
             (Column("speed_kmh", "km/h", 0), Column("peak_force_n", "peak N", 0), Column("peak_x_m", "at m", 3)),
-            as_columns(speeds, surface.peak_force_n, surface.peak_x_m),
+            as_columns(speeds, peak_map.peak_force_n, peak_map.peak_x_m),
         ),
         "histories": Table(
             "Force along the rail; x from the weld's centre",
@@ -51,8 +51,8 @@ def run(lab: Laboratory) -> Investigation:
             [(speed, *row) for speed, h in histories.items() for row in _rows(h)],
         ),
     }
-    measured = _measured(lab, curve, speeds, surface, histories) if lab.papers else {}
-    return Investigation("curve", "Force against speed", [picture], tables, measured)
+    measured = _measured(lab, curve, speeds, peak_map, histories) if lab.papers else {}
+    return StudyResult("curve", "Force against speed", [picture], tables, measured)
 
 
 def _rows(history: History) -> list[tuple[float, ...]]:
@@ -62,7 +62,7 @@ def _rows(history: History) -> list[tuple[float, ...]]:
 
 
 def _draw(
-    lab: Laboratory, weld: str, speeds: FloatArray, force_n: FloatArray, histories: dict[float, History]
+    lab: StudyContext, weld: str, speeds: FloatArray, force_n: FloatArray, histories: dict[float, History]
 ) -> "Figure":
     figure = new_figure(7.0, 7.0)
     grid = figure.add_gridspec(3, 3, height_ratios=[1.5, 1, 1])
@@ -98,13 +98,13 @@ def _draw_history(axes: Any, history: History, static_n: float) -> None:
 
 
 def _measured(
-    lab: Laboratory, curve: CurveFeatures, speeds: FloatArray, surface: Surface, histories: dict[float, History]
+    lab: StudyContext, curve: CurveFeatures, speeds: FloatArray, peak_map: PeakMap, histories: dict[float, History]
 ) -> Measured:
     static_n = lab.track(BILBAO).wheel.static_load_n
     maximum_kmh = first_maximum(curve)[0]
     hollow = hollow_after_maximum(curve)
     at_maximum = int(np.argmin(np.abs(speeds - maximum_kmh))) if curve.maxima else 0
-    leading_m = float(surface.peak_x_m[at_maximum, 0]) if curve.maxima else np.nan
+    leading_m = float(peak_map.peak_x_m[at_maximum, 0]) if curve.maxima else np.nan
     largest = {speed: float(h.force_n.max()) for speed, h in histories.items()}
     peaks = {speed: split_peaks(h, static_n, leading_m) for speed, h in histories.items()}
     pairs = {speed: two_highest(found) for speed, found in peaks.items()}

@@ -12,15 +12,15 @@ from numpy.typing import ArrayLike
 from weld_force_ros import SOFTWARE
 from weld_force_ros.errors import InputError
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
-from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.track.beam import receptance
 from weld_force_ros.physics.track.causality import acausal
 from weld_force_ros.simulation import track_file
 from weld_force_ros.simulation.settings import ENGINES, simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
-from weld_force_ros.studies import Stage, unseen
+from weld_force_ros.studies import Stage, no_progress
 from weld_force_ros.studies.comparison import Error, Passage, error_table, grouped, passage_table
-from weld_force_ros.studies.grids import Grid, ReferenceGrid, Rolling, peaks, referenced
+from weld_force_ros.studies.grids import Grid, GridEvaluator, ReferenceGrid, peaks, referenced
 from weld_force_ros.studies.orders import (
     ANGLE_SPEEDS_KMH,
     ORDERS,
@@ -131,7 +131,7 @@ class _Fitted(Protocol):
 
 
 def run(
-    out: Path, *, quick: bool = False, stage: Stage = unseen, on_fit: Callable[[str], None] | None = None
+    out: Path, *, quick: bool = False, stage: Stage = no_progress, on_fit: Callable[[str], None] | None = None
 ) -> EnginesStudy:
     """Compare every engine that can be built with the reference, and write what is found.
 
@@ -157,9 +157,9 @@ def run(
     for grid in grids:
         flats += _reference_curves(grid)
         for engine in engines:
-            rig = _simulator(grid.grid.track, engine, on_fit).rig
-            passages += grid.compared(engine, rig)
-            flats += _engine_curves(grid, engine, rig)
+            vehicle_track = _simulator(grid.grid.track, engine, on_fit).vehicle_track
+            passages += grid.compared(engine, vehicle_track)
+            flats += _engine_curves(grid, engine, vehicle_track)
             step()
     orders = order_effects(
         grids,
@@ -205,19 +205,24 @@ def _reference_curves(reference: ReferenceGrid) -> list[FlatCurve]:
     ]
 
 
-def _engine_curves(reference: ReferenceGrid, engine: str, rig: Rolling) -> list[FlatCurve]:
+def _engine_curves(reference: ReferenceGrid, engine: str, vehicle_track: GridEvaluator) -> list[FlatCurve]:
     grid = reference.grid
     speeds: list[float] = np.arange(grid.speeds_kmh[0], grid.speeds_kmh[-1] + 1, _CURVE_STEP_KMH).tolist()
     return [
-        FlatCurve(engine, shape, speeds, peaks(rig, trajectory, speeds, reference.positions_m).max(axis=1).tolist())
-        for shape, trajectory in zip(grid.shapes, reference.trajectories, strict=True)
+        FlatCurve(
+            engine, shape, speeds, peaks(vehicle_track, wheel_path, speeds, reference.positions_m).max(axis=1).tolist()
+        )
+        for shape, wheel_path in zip(grid.shapes, reference.wheel_paths, strict=True)
         if shape in FLATS
     ]
 
 
 def _receptances(engines: Sequence[str], on_fit: Callable[[str], None] | None) -> list[ReceptanceSection]:
     """Over the sleeper and at mid-span."""
-    models = {engine: cast(Rig, _simulator(_HYSTERETIC, engine, on_fit).rig).model for engine in engines}
+    models = {
+        engine: cast(VehicleTrackModel, _simulator(_HYSTERETIC, engine, on_fit).vehicle_track).model
+        for engine in engines
+    }
     definition = track_file.load(_HYSTERETIC)
     track, contact = definition.track, definition.wheel.compliance(2 * np.pi * _RECEPTANCE_HZ)
     sections = []

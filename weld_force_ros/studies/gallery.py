@@ -11,12 +11,12 @@ from typing import Any
 from weld_force_ros import SOFTWARE
 from weld_force_ros.errors import InputError
 from weld_force_ros.report.figures import save
-from weld_force_ros.studies.laboratory import Investigation
+from weld_force_ros.studies.laboratory import StudyResult
 from weld_force_ros.studies.tables import Table
 
 
 @dataclass(frozen=True)
-class Shown:
+class RenderedStudy:
     """An investigation as it lies on disk."""
 
     name: str
@@ -25,7 +25,7 @@ class Shown:
     tables: list[str]
 
 
-def write_investigation(found: Investigation, out: Path) -> Shown:
+def write_investigation(found: StudyResult, out: Path) -> RenderedStudy:
     """Write figures (PNG, SVG) and tables (CSV) into a folder of the investigation's own.
 
     Raises:
@@ -39,7 +39,7 @@ def write_investigation(found: Investigation, out: Path) -> Shown:
         pictures.append((picture.title, picture.caption, folder / f"{picture.name}.png"))
     for name, table in found.tables.items():
         table.write_csv(folder / f"{name}.csv")
-    return Shown(found.name, found.title, pictures, [f"{found.name}/{name}.csv" for name in found.tables])
+    return RenderedStudy(found.name, found.title, pictures, [f"{found.name}/{name}.csv" for name in found.tables])
 
 
 def made(folder: Path) -> Path:
@@ -57,7 +57,7 @@ def made(folder: Path) -> Path:
 
 def write_page(
     path: Path,
-    studies: Sequence[Shown],
+    studies: Sequence[RenderedStudy],
     *,
     title: str,
     introduction: str,
@@ -112,7 +112,7 @@ def _with_a_palette(png: Path) -> bytes:
     return small.getvalue()
 
 
-def _embedded(study: Shown) -> dict[str, Any]:
+def _embedded(study: RenderedStudy) -> dict[str, Any]:
     pictures = [
         {"title": title, "caption": caption, "png": base64.b64encode(_with_a_palette(png)).decode()}
         for title, caption, png in study.pictures

@@ -16,8 +16,8 @@ from weld_force_ros.errors import NumericalError
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.measurement.shapes import cosine_dip
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.peak_map import Surface
-from weld_force_ros.physics.passage.wheel_path import Trajectory, wheel_trajectory
+from weld_force_ros.physics.passage.peak_map import PeakMap
+from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
 from weld_force_ros.simulation import track_file
 from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.studies.comparison import Passage
@@ -36,11 +36,11 @@ COSINES_M = {
 }
 
 
-class Rolling(Protocol):
+class GridEvaluator(Protocol):
     """A wheel on a track, by whatever engine."""
 
-    def surface(self, trajectory: Trajectory, speeds_kmh: ArrayLike, positions_m: ArrayLike) -> Surface:
-        """As `weld_force_ros.physics.passage.passage.Rig.surface`."""
+    def peak_map(self, wheel_path: WheelPath, speeds_kmh: ArrayLike, positions_m: ArrayLike) -> PeakMap:
+        """As `weld_force_ros.physics.passage.passage.VehicleTrackModel.peak_map`."""
 
 
 @dataclass(frozen=True)
@@ -59,16 +59,16 @@ class ReferenceGrid:
 
     grid: Grid
     definition: TrackDefinition
-    trajectories: list[Trajectory]
+    wheel_paths: list[WheelPath]
     positions_m: FloatArray
     peak_n: FloatArray
 
-    def compared(self, engine: str, rig: Rolling) -> list[Passage]:
+    def compared(self, engine: str, vehicle_track: GridEvaluator) -> list[Passage]:
         """Every passage of the grid by another engine beside the reference's; NaN where it cannot follow."""
         passages = []
         speeds, positions = self.grid.speeds_kmh, self.positions_m.tolist()
-        for shape, trajectory, reference in zip(self.grid.shapes, self.trajectories, self.peak_n, strict=True):
-            peak_n = peaks(rig, trajectory, speeds, self.positions_m)
+        for shape, wheel_path, reference in zip(self.grid.shapes, self.wheel_paths, self.peak_n, strict=True):
+            peak_n = peaks(vehicle_track, wheel_path, speeds, self.positions_m)
             passages += [
                 Passage(self.grid.track, engine, shape, speed, position, float(reference[i, j]), float(peak_n[i, j]))
                 for i, speed in enumerate(speeds)
@@ -77,38 +77,40 @@ class ReferenceGrid:
         return passages
 
 
-def peaks(rig: Rolling, trajectory: Trajectory, speeds_kmh: Sequence[float], positions_m: FloatArray) -> FloatArray:
+def peaks(
+    vehicle_track: GridEvaluator, wheel_path: WheelPath, speeds_kmh: Sequence[float], positions_m: FloatArray
+) -> FloatArray:
     """Peak forces over one shape, N, (n_speed, n_position); NaN at speeds that the engine cannot follow."""
     try:
-        return rig.surface(trajectory, speeds_kmh, positions_m).peak_force_n
+        return vehicle_track.peak_map(wheel_path, speeds_kmh, positions_m).peak_force_n
     except NumericalError:
         if len(speeds_kmh) == 1:
             return np.full((1, len(positions_m)), np.nan)
-        return np.concatenate([peaks(rig, trajectory, [speed], positions_m) for speed in speeds_kmh])
+        return np.concatenate([peaks(vehicle_track, wheel_path, [speed], positions_m) for speed in speeds_kmh])
 
 
 def referenced(grid: Grid, kept: ReferencePeaks, on_speed: Callable[[], object]) -> ReferenceGrid:
     """The reference's peak forces on a grid, computed or found in `kept`."""
     definition = track_file.load(grid.track)
-    trajectories = [trajectory(shape, definition) for shape in grid.shapes]
+    wheel_paths = [wheel_path(shape, definition) for shape in grid.shapes]
     positions = np.arange(grid.position_count) * definition.track.spacing_m / grid.position_count
     peaks = []
     for speed in grid.speeds_kmh:
-        peaks.append(kept.at_speed(definition, trajectories, speed, positions)[:, 0])
+        peaks.append(kept.at_speed(definition, wheel_paths, speed, positions)[:, 0])
         on_speed()
-    return ReferenceGrid(grid, definition, trajectories, positions, np.stack(peaks, axis=1))
+    return ReferenceGrid(grid, definition, wheel_paths, positions, np.stack(peaks, axis=1))
 
 
-def trajectory(shape: str, definition: TrackDefinition) -> Trajectory:
+def wheel_path(shape: str, definition: TrackDefinition) -> WheelPath:
     """The wheel centre's trajectory over a shape of `COSINES_M` or a shipped profile.
 
     Raises:
         InputError: there is no such shape.
     """
     if shape in COSINES_M:
-        return wheel_trajectory(*sampled_cosine(*COSINES_M[shape]), definition.wheel.radius_m)
+        return wheel_path_over(*sampled_cosine(*COSINES_M[shape]), definition.wheel.radius_m)
     profile = profile_file.read_profile(profile_file.find(shape))
-    return wheel_trajectory(np.array(profile.x_m), np.array(profile.z_m), definition.wheel.radius_m)
+    return wheel_path_over(np.array(profile.x_m), np.array(profile.z_m), definition.wheel.radius_m)
 
 
 def sampled_cosine(length_m: float, depth_m: float) -> tuple[FloatArray, FloatArray]:

@@ -3,10 +3,10 @@
 import numpy as np
 
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.report.figures import as_text, new_figure
 from weld_force_ros.studies import passages, variants
-from weld_force_ros.studies.laboratory import CONTINUOUS, Investigation, Laboratory, Measured, Picture, as_columns
+from weld_force_ros.studies.laboratory import CONTINUOUS, Measured, Picture, StudyContext, StudyResult, as_columns
 from weld_force_ros.studies.style import COLOURS
 from weld_force_ros.studies.tables import Column, Table
 from weld_force_ros.studies.variants import Variant
@@ -16,37 +16,37 @@ _LAST_KMH = 200.0
 _STYLES = (":", "--", "-", "-.")
 
 
-def run(lab: Laboratory) -> Investigation:
+def run(lab: StudyContext) -> StudyResult:
     """Force against speed with four contact stiffnesses, over a weld and the same upside down."""
     speeds = lab.speeds(20, 300, 1)
     welds = variants.by_sign(lab)
     # (n_stiffness) lists of one surface a weld.
-    surfaces = [_surfaces(lab, welds, speeds, stiffness) for stiffness in STIFFNESSES_GN_PER_M15]
+    peak_maps = [_surfaces(lab, welds, speeds, stiffness) for stiffness in STIFFNESSES_GN_PER_M15]
     table = Table(
         "Peak force by contact stiffness",
         (Column("weld", "weld"), Column("hertz_gn_per_m15", "GN/m^1.5", 1), Column("speed_kmh", "km/h", 0),
          Column("peak_force_n", "N", 0), Column("peak_x_m", "m behind the weld's centre", 4)),
-        [(weld.label, stiffness, *row) for stiffness, row_of in zip(STIFFNESSES_GN_PER_M15, surfaces, strict=True)
-         for weld, surface in zip(welds, row_of, strict=True)
-         for row in as_columns(speeds, surface.peak_force_n, surface.peak_x_m)],
+        [(weld.label, stiffness, *row) for stiffness, row_of in zip(STIFFNESSES_GN_PER_M15, peak_maps, strict=True)
+         for weld, peak_map in zip(welds, row_of, strict=True)
+         for row in as_columns(speeds, peak_map.peak_force_n, peak_map.peak_x_m)],
     )  # fmt: skip
-    pictures = [_curves(welds, speeds, surfaces), _changes(lab, welds, speeds, surfaces)]
-    measured = _measured(lab, speeds, surfaces[0], surfaces[-1]) if lab.papers else {}
-    return Investigation("hertz", "Stiffness of the contact", pictures, {"curves": table}, measured)
+    pictures = [_curves(welds, speeds, peak_maps), _changes(lab, welds, speeds, peak_maps)]
+    measured = _measured(lab, speeds, peak_maps[0], peak_maps[-1]) if lab.papers else {}
+    return StudyResult("hertz", "Stiffness of the contact", pictures, {"curves": table}, measured)
 
 
-def _surfaces(lab: Laboratory, welds: list[Variant], speeds: FloatArray, gn_per_m15: float) -> list[Surface]:
-    rig = lab.rig(CONTINUOUS, hertz_n_per_m15=gn_per_m15 * 1e9)
-    return list(rig.surfaces([weld.trajectory for weld in welds], speeds, [0.0]))
+def _surfaces(lab: StudyContext, welds: list[Variant], speeds: FloatArray, gn_per_m15: float) -> list[PeakMap]:
+    vehicle_track = lab.vehicle_track(CONTINUOUS, hertz_n_per_m15=gn_per_m15 * 1e9)
+    return list(vehicle_track.peak_maps([weld.wheel_path for weld in welds], speeds, [0.0]))
 
 
-def _curves(welds: list[Variant], speeds: FloatArray, surfaces: list[list[Surface]]) -> Picture:
+def _curves(welds: list[Variant], speeds: FloatArray, peak_maps: list[list[PeakMap]]) -> Picture:
     figure = new_figure(7.0, 6.4)
     panels = figure.subplots(len(welds), 1, sharex=True)
-    for row, stiffness, colour, style in zip(surfaces, STIFFNESSES_GN_PER_M15, COLOURS, _STYLES, strict=False):
-        for axes, surface in zip(panels, row, strict=True):
+    for row, stiffness, colour, style in zip(peak_maps, STIFFNESSES_GN_PER_M15, COLOURS, _STYLES, strict=False):
+        for axes, peak_map in zip(panels, row, strict=True):
             label = f"{stiffness:g} GN/m$^{{3/2}}$" if axes is panels[0] else None
-            axes.plot(speeds, surface.peak_force_n[:, 0] / 1e3, style, color=colour, label=label)
+            axes.plot(speeds, peak_map.peak_force_n[:, 0] / 1e3, style, color=colour, label=label)
     for axes, weld in zip(panels, welds, strict=True):
         axes.set(title=as_text(weld.label), ylabel="peak force, kN")
     panels[-1].set(xlabel="speed, km/h")
@@ -58,11 +58,11 @@ def _curves(welds: list[Variant], speeds: FloatArray, surfaces: list[list[Surfac
     )  # fmt: skip
 
 
-def _changes(lab: Laboratory, welds: list[Variant], speeds: FloatArray, surfaces: list[list[Surface]]) -> Picture:
-    static_n = lab.rig(CONTINUOUS).wheel.static_load_n
+def _changes(lab: StudyContext, welds: list[Variant], speeds: FloatArray, peak_maps: list[list[PeakMap]]) -> Picture:
+    static_n = lab.vehicle_track(CONTINUOUS).wheel.static_load_n
     figure = new_figure(7.0, 3.2)
     axes = figure.subplots()
-    for weld, soft, stiff, colour in zip(welds, surfaces[0], surfaces[-1], COLOURS, strict=False):
+    for weld, soft, stiff, colour in zip(welds, peak_maps[0], peak_maps[-1], COLOURS, strict=False):
         change = 100 * (stiff.peak_force_n - soft.peak_force_n)[:, 0] / static_n
         axes.plot(speeds, change, color=colour, label=as_text(weld.label))
     axes.set(xlabel="speed, km/h", ylabel="change of peak force,\n% of static load")
@@ -73,11 +73,11 @@ def _changes(lab: Laboratory, welds: list[Variant], speeds: FloatArray, surfaces
     )  # fmt: skip
 
 
-def _measured(lab: Laboratory, speeds: FloatArray, soft: list[Surface], stiff: list[Surface]) -> Measured:
-    static_n = lab.rig(CONTINUOUS).wheel.static_load_n
+def _measured(lab: StudyContext, speeds: FloatArray, soft: list[PeakMap], stiff: list[PeakMap]) -> Measured:
+    static_n = lab.vehicle_track(CONTINUOUS).wheel.static_load_n
     shown = speeds <= _LAST_KMH
     (soft_dip, soft_rise), (stiff_dip, stiff_rise) = (
-        [surface.peak_force_n[:, 0] for surface in surfaces] for surfaces in (soft, stiff)
+        [peak_map.peak_force_n[:, 0] for peak_map in peak_maps] for peak_maps in (soft, stiff)
     )
     soft_kmh, soft_n = _first_maximum(speeds, soft_dip)
     stiff_kmh, stiff_n = _first_maximum(speeds, stiff_dip)
@@ -95,5 +95,5 @@ def _first_maximum(speeds: FloatArray, force: FloatArray) -> tuple[float, float]
     return passages.first_maximum(passages.features(speeds, force))
 
 
-def _first_angle(speeds: FloatArray, surface: Surface) -> float:
-    return [*passages.angles_kmh(speeds, surface), float("nan")][0]
+def _first_angle(speeds: FloatArray, peak_map: PeakMap) -> float:
+    return [*passages.angles_kmh(speeds, peak_map), float("nan")][0]

@@ -14,10 +14,10 @@ import numpy as np
 
 from weld_force_ros.physics.analysis.speed_curve import SurfaceFeatures, surface_features
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.passage import Rig
-from weld_force_ros.physics.passage.wheel_path import Trajectory
+from weld_force_ros.physics.passage.passage import VehicleTrackModel
+from weld_force_ros.physics.passage.wheel_path import WheelPath
 from weld_force_ros.report.figures import new_figure
-from weld_force_ros.studies.laboratory import BILBAO, WELDS, Investigation, Laboratory, Measured, Picture, grid_rows
+from weld_force_ros.studies.laboratory import BILBAO, WELDS, Measured, Picture, StudyContext, StudyResult, grid_rows
 from weld_force_ros.studies.map_figures import draw_surface, name_sleepers, outline
 from weld_force_ros.studies.passages import SIGNIFICANT, SmoothRail, features
 from weld_force_ros.studies.style import draw_map
@@ -43,7 +43,7 @@ class Excess:
     smooth_n: FloatArray
 
 
-def run(lab: Laboratory) -> Investigation:
+def run(lab: StudyContext) -> StudyResult:
     """Dynamic force and increment over speed and position."""
     (weld,) = lab.welds(WELDS[0])
     speeds, positions, span_m = lab.speeds(*SPEEDS_KMH), lab.positions(BILBAO), lab.track(BILBAO).track.spacing_m
@@ -70,25 +70,29 @@ def run(lab: Laboratory) -> Investigation:
     rows = grid_rows(speeds, positions, excess.dynamic_n, excess.increment_n, excess.smooth_n)
     table = Table(f"Dynamic force and increment over {weld}", columns, rows)
     measured = _measured(speeds, positions, excess, hollows, span_m) if lab.papers else {}
-    return Investigation("increment", "Increment over smooth rail", pictures, {"increment": table}, measured)
+    return StudyResult("increment", "Increment over smooth rail", pictures, {"increment": table}, measured)
 
 
-def _excess(lab: Laboratory, weld: str, speeds_kmh: FloatArray, positions_m: FloatArray) -> Excess:
+def _excess(lab: StudyContext, weld: str, speeds_kmh: FloatArray, positions_m: FloatArray) -> Excess:
     # Made once, before threads ask for them.
-    trajectory, rig = lab.trajectory(weld, BILBAO), lab.rig(BILBAO)
+    wheel_path, vehicle_track = lab.wheel_path(weld, BILBAO), lab.vehicle_track(BILBAO)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        rows = pool.map(partial(_at_speed, lab, rig, trajectory, positions_m), speeds_kmh.tolist())
+        rows = pool.map(partial(_at_speed, lab, vehicle_track, wheel_path, positions_m), speeds_kmh.tolist())
         return Excess(*np.stack(list(rows), axis=1))
 
 
 def _at_speed(
-    lab: Laboratory, rig: Rig, trajectory: Trajectory, positions_m: FloatArray, speed_kmh: float
+    lab: StudyContext,
+    vehicle_track: VehicleTrackModel,
+    wheel_path: WheelPath,
+    positions_m: FloatArray,
+    speed_kmh: float,
 ) -> FloatArray:
     """The fields of `Excess` at one speed, (3, n_position)."""
-    smooth, static_n = SmoothRail(lab, BILBAO, speed_kmh), rig.wheel.static_load_n
+    smooth, static_n = SmoothRail(lab, BILBAO, speed_kmh), vehicle_track.wheel.static_load_n
     found = np.empty((3, len(positions_m)))
     for column, position in enumerate(positions_m.tolist()):
-        history = rig.history(trajectory, speed_kmh, position)
+        history = vehicle_track.history(wheel_path, speed_kmh, position)
         without_n = smooth.force_n(history.x_m)
         peak = int(np.argmax(history.force_n))
         found[:, column] = (

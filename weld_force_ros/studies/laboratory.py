@@ -1,6 +1,6 @@
 """What the paper's studies share: its welds, tracks and wheel, and passages over them.
 
-A study asks a `Laboratory` for passages and gives an `Investigation` back. A laboratory may be given another weld or
+A study asks a `StudyContext` for passages and gives an `StudyResult` back. A laboratory may be given another weld or
 track; then the study shows those, and says nothing about the paper.
 """
 
@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.messages import WeldProfile
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.passage import History, Rig
-from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.passage import History, VehicleTrackModel
+from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.wheel import Wheel
-from weld_force_ros.physics.passage.wheel_path import Trajectory, wheel_trajectory
+from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
 from weld_force_ros.simulation import fit_store, track_file
 from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.studies.tables import Table
@@ -50,7 +50,7 @@ class Picture:
 
 
 @dataclass(frozen=True)
-class Investigation:
+class StudyResult:
     """What a study gives: pictures, data, and the quantities that the paper's claims are held against."""
 
     name: str
@@ -61,7 +61,7 @@ class Investigation:
 
 
 @dataclass(frozen=True)
-class Laboratory:
+class StudyContext:
     """Passages for studies.
 
     Attributes:
@@ -91,7 +91,7 @@ class Laboratory:
         """
         return self._definition(self.own_track or name)
 
-    def rig(self, track: str, *, hertz_n_per_m15: float | None = None) -> Rig:
+    def vehicle_track(self, track: str, *, hertz_n_per_m15: float | None = None) -> VehicleTrackModel:
         """Track and wheel, ready to roll; with another contact stiffness if given."""
         definition = self.track(track)
         wheel = definition.wheel
@@ -105,15 +105,15 @@ class Laboratory:
             return self.own_weld
         return profile_file.read_profile(profile_file.find(name))
 
-    def trajectory(self, weld: str | tuple[FloatArray, FloatArray], track: str) -> Trajectory:
+    def wheel_path(self, weld: str | tuple[FloatArray, FloatArray], track: str) -> WheelPath:
         """The wheel centre's way over a weld: a name, or positions and heights in m."""
         radius_m = self.track(track).wheel.radius_m
         if isinstance(weld, str):
             profile = self.weld(weld)
             weld = np.array(profile.x_m), np.array(profile.z_m)
-        return wheel_trajectory(*weld, radius_m)
+        return wheel_path_over(*weld, radius_m)
 
-    def surface(
+    def peak_map(
         self,
         weld: str | tuple[FloatArray, FloatArray],
         track: str,
@@ -121,25 +121,27 @@ class Laboratory:
         positions_m: ArrayLike,
         *,
         hertz_n_per_m15: float | None = None,
-    ) -> Surface:
+    ) -> PeakMap:
         """Peaks at every speed and position, each (n_speed, n_position)."""
-        rig = self.rig(track, hertz_n_per_m15=hertz_n_per_m15)
-        return rig.surface(self.trajectory(weld, track), speeds_kmh, positions_m)
+        vehicle_track = self.vehicle_track(track, hertz_n_per_m15=hertz_n_per_m15)
+        return vehicle_track.peak_map(self.wheel_path(weld, track), speeds_kmh, positions_m)
 
     def history(
         self, weld: str | tuple[FloatArray, FloatArray], track: str, speed_kmh: float, position_m: float
     ) -> History:
         """One passage, from a span before the weld to two spans behind it."""
-        trajectory = self.trajectory(weld, track)
-        rig = self.rig(track)
-        until_m = position_m + trajectory.end_m + 2 * rig.model.spacing_m
-        return rig.history(trajectory, speed_kmh, position_m, until_m=until_m)
+        wheel_path = self.wheel_path(weld, track)
+        vehicle_track = self.vehicle_track(track)
+        until_m = position_m + wheel_path.end_m + 2 * vehicle_track.model.spacing_m
+        return vehicle_track.history(wheel_path, speed_kmh, position_m, until_m=until_m)
 
     def smooth_rail(self, track: str, speed_kmh: float, spans: int) -> History:
         """A passage over rail without a weld, whole spans from a sleeper on."""
-        flat = Trajectory(0.0, np.zeros(2))
-        rig = self.rig(track)
-        return rig.history(flat, speed_kmh, rig.model.spacing_m, until_m=spans * rig.model.spacing_m)
+        flat = WheelPath(0.0, np.zeros(2))
+        vehicle_track = self.vehicle_track(track)
+        return vehicle_track.history(
+            flat, speed_kmh, vehicle_track.model.spacing_m, until_m=spans * vehicle_track.model.spacing_m
+        )
 
     def speeds(self, first_kmh: float, last_kmh: float, step_kmh: float) -> FloatArray:
         """A grid of speeds, both ends in it."""
@@ -158,7 +160,7 @@ class Laboratory:
         return {}
 
     @cached_property
-    def _rigs(self) -> dict[tuple[str, Wheel], Rig]:
+    def _rigs(self) -> dict[tuple[str, Wheel], VehicleTrackModel]:
         return {}
 
     def _definition(self, name: str) -> TrackDefinition:
@@ -166,10 +168,10 @@ class Laboratory:
             self._definitions[name] = track_file.load(name)
         return self._definitions[name]
 
-    def _rig(self, definition: TrackDefinition, wheel: Wheel) -> Rig:
+    def _rig(self, definition: TrackDefinition, wheel: Wheel) -> VehicleTrackModel:
         key = (definition.text, wheel)
         if key not in self._rigs:
-            self._rigs[key] = Rig(fit_store.fitted(definition).model(), wheel)
+            self._rigs[key] = VehicleTrackModel(fit_store.fitted(definition).model(), wheel)
         return self._rigs[key]
 
 

@@ -5,10 +5,10 @@ import numpy as np
 from weld_force_ros.physics.analysis.speed_curve import CurveFeatures
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History
-from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.report.figures import GREY, as_text, new_figure
 from weld_force_ros.studies import passages, records, variants
-from weld_force_ros.studies.laboratory import CONTINUOUS, Investigation, Laboratory, Measured, Picture, as_columns
+from weld_force_ros.studies.laboratory import CONTINUOUS, Measured, Picture, StudyContext, StudyResult, as_columns
 from weld_force_ros.studies.style import COLOURS
 from weld_force_ros.studies.tables import Cell, Column, Table
 from weld_force_ros.studies.variants import Variant
@@ -20,39 +20,39 @@ _SHAPE_KMH = np.arange(20.0, 151.0)
 _BEHIND_M = 0.2
 
 
-def run(lab: Laboratory) -> Investigation:
+def run(lab: StudyContext) -> StudyResult:
     """Force against speed over a weld and one twice as long, and how its peak parts."""
     speeds = lab.speeds(20, 300, 1)
     welds = variants.by_length(lab)
-    rig = lab.rig(CONTINUOUS)
-    surfaces = list(rig.surfaces([weld.trajectory for weld in welds], speeds, [0.0]))
-    parting = [rig.history(welds[0].trajectory, speed, 0.0) for speed in _PARTING_KMH]
-    rows: list[tuple[Cell, ...]] = [(weld.label, *row) for weld, surface in zip(welds, surfaces, strict=True)
-            for row in as_columns(speeds, surface.peak_force_n, surface.peak_x_m)]  # fmt: skip
+    vehicle_track = lab.vehicle_track(CONTINUOUS)
+    peak_maps = list(vehicle_track.peak_maps([weld.wheel_path for weld in welds], speeds, [0.0]))
+    parting = [vehicle_track.history(welds[0].wheel_path, speed, 0.0) for speed in _PARTING_KMH]
+    rows: list[tuple[Cell, ...]] = [(weld.label, *row) for weld, peak_map in zip(welds, peak_maps, strict=True)
+            for row in as_columns(speeds, peak_map.peak_force_n, peak_map.peak_x_m)]  # fmt: skip
     table = Table(
         "Peak force over both lengths",
         (Column("weld", "weld"), Column("speed_kmh", "km/h", 0), Column("peak_force_n", "N", 0),
          Column("peak_x_m", "m behind the weld's centre", 4)), rows,
     )  # fmt: skip
-    pictures = [_curves(welds, speeds, surfaces), _stretched(welds, speeds, surfaces), _parting(welds[0], parting)]
-    measured = _measured(lab, speeds, surfaces) if lab.papers else {}
-    return Investigation("length", "Length of the weld", pictures, {"curves": table}, measured)
+    pictures = [_curves(welds, speeds, peak_maps), _stretched(welds, speeds, peak_maps), _parting(welds[0], parting)]
+    measured = _measured(lab, speeds, peak_maps) if lab.papers else {}
+    return StudyResult("length", "Length of the weld", pictures, {"curves": table}, measured)
 
 
-def _features(speeds: FloatArray, surface: Surface) -> CurveFeatures:
-    return passages.features(speeds, surface.peak_force_n[:, 0])
+def _features(speeds: FloatArray, peak_map: PeakMap) -> CurveFeatures:
+    return passages.features(speeds, peak_map.peak_force_n[:, 0])
 
 
-def _curves(welds: list[Variant], speeds: FloatArray, surfaces: list[Surface]) -> Picture:
+def _curves(welds: list[Variant], speeds: FloatArray, peak_maps: list[PeakMap]) -> Picture:
     figure = new_figure(7.0, 6.0)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
-    for weld, surface, colour in zip(welds, surfaces, COLOURS, strict=False):
-        force = surface.peak_force_n[:, 0] / 1e3
+    for weld, peak_map, colour in zip(welds, peak_maps, COLOURS, strict=False):
+        force = peak_map.peak_force_n[:, 0] / 1e3
         above.plot(speeds, force, color=colour, label=as_text(weld.label))
-        below.plot(speeds, surface.peak_x_m[:, 0] * 1e3, ".", markersize=3, color=colour)
-        maxima = _features(speeds, surface).maxima[:1]
+        below.plot(speeds, peak_map.peak_x_m[:, 0] * 1e3, ".", markersize=3, color=colour)
+        maxima = _features(speeds, peak_map).maxima[:1]
         above.plot([m.speed_kmh for m in maxima], [m.force_n / 1e3 for m in maxima], "o", color=colour)
-        angles = passages.angles_kmh(speeds, surface)
+        angles = passages.angles_kmh(speeds, peak_map)
         above.plot(angles, np.interp(angles, speeds, force), "v", color=colour, fillstyle="none", markersize=8)
     above.plot([], [], "o", color=GREY, label="first maximum")
     above.plot([], [], "v", color=GREY, fillstyle="none", markersize=8, label="sharp angle")
@@ -68,12 +68,12 @@ def _curves(welds: list[Variant], speeds: FloatArray, surfaces: list[Surface]) -
     )  # fmt: skip
 
 
-def _stretched(welds: list[Variant], speeds: FloatArray, surfaces: list[Surface]) -> Picture:
+def _stretched(welds: list[Variant], speeds: FloatArray, peak_maps: list[PeakMap]) -> Picture:
     figure = new_figure(7.0, 3.6)
     axes = figure.subplots()
-    for weld, surface, colour, scale in zip(welds, surfaces, COLOURS, (1, 2), strict=False):
+    for weld, peak_map, colour, scale in zip(welds, peak_maps, COLOURS, (1, 2), strict=False):
         shown = (speeds >= scale * speeds[0]) & (speeds <= scale * speeds[-1] / 2)
-        force = surface.peak_force_n[shown, 0] / 1e3
+        force = peak_map.peak_force_n[shown, 0] / 1e3
         axes.plot(speeds[shown] / scale, force, ("-", "--")[scale - 1], color=colour, label=as_text(weld.label))
     axes.set(xlabel="speed, km/h (of the longer weld: half its speed)", ylabel="peak force, kN")
     figure.legend(loc="outside upper center", ncols=2, frameon=False)
@@ -87,7 +87,7 @@ def _stretched(welds: list[Variant], speeds: FloatArray, surfaces: list[Surface]
 def _parting(weld: Variant, histories: list[History]) -> Picture:
     figure = new_figure(7.0, 6.2)
     panels = figure.subplots(len(histories) + 1, 1, sharex=True, height_ratios=[1.0, *[2.0] * len(histories)])
-    first_m, last_m = weld.trajectory.uneven_m
+    first_m, last_m = weld.wheel_path.nonzero_extent_m
     shown_m = (first_m - 0.02, last_m + _BEHIND_M)
     highest = max(float(passage.force_n.max()) for passage in histories) / 1e3
     lowest = min(float(passage.force_n.min()) for passage in histories) / 1e3
@@ -106,12 +106,12 @@ def _parting(weld: Variant, histories: list[History]) -> Picture:
     )  # fmt: skip
 
 
-def _measured(lab: Laboratory, speeds: FloatArray, surfaces: list[Surface]) -> Measured:
-    features = [_features(speeds, surface) for surface in surfaces]
-    angles = [[*passages.angles_kmh(speeds, surface), np.nan, np.nan] for surface in surfaces]
+def _measured(lab: StudyContext, speeds: FloatArray, peak_maps: list[PeakMap]) -> Measured:
+    features = [_features(speeds, peak_map) for peak_map in peak_maps]
+    angles = [[*passages.angles_kmh(speeds, peak_map), np.nan, np.nan] for peak_map in peak_maps]
     maxima_kmh = [passages.first_maximum(feature)[0] for feature in features]
     hollows = [passages.hollow_after_maximum(feature) for feature in features]
-    short, long = (surface.peak_force_n[:, 0] for surface in surfaces)
+    short, long = (peak_map.peak_force_n[:, 0] for peak_map in peak_maps)
     stretched = np.interp(2 * _SHAPE_KMH, speeds, long)
     measured: Measured = {
         "length.first_maximum_ratio": float(maxima_kmh[1] / maxima_kmh[0]),
@@ -122,13 +122,13 @@ def _measured(lab: Laboratory, speeds: FloatArray, surfaces: list[Surface]) -> M
         measured[f"length.first_maximum_{length_mm}mm_kmh"] = float(maximum_kmh)
         measured[f"length.first_sharp_angle_{length_mm}mm_kmh"] = float(crossed[0])
         measured[f"length.second_sharp_angle_{length_mm}mm_kmh"] = float(crossed[1])
-    return measured | _peaks_at_the_angle(lab, records.place_at(speeds, surfaces[0], maxima_kmh[0]))
+    return measured | _peaks_at_the_angle(lab, records.place_at(speeds, peak_maps[0], maxima_kmh[0]))
 
 
-def _peaks_at_the_angle(lab: Laboratory, leading_m: float) -> Measured:
-    rig = lab.rig(CONTINUOUS)
-    history = rig.history(variants.by_length(lab)[0].trajectory, _ANGLE_KMH, 0.0)
-    first, second = passages.two_highest(passages.split_peaks(history, rig.wheel.static_load_n, leading_m))
+def _peaks_at_the_angle(lab: StudyContext, leading_m: float) -> Measured:
+    vehicle_track = lab.vehicle_track(CONTINUOUS)
+    history = vehicle_track.history(variants.by_length(lab)[0].wheel_path, _ANGLE_KMH, 0.0)
+    first, second = passages.two_highest(passages.split_peaks(history, vehicle_track.wheel.static_load_n, leading_m))
     return {
         "length.first_peak_place_74kmh_mm": first.x_m * 1e3,
         "length.peak_separation_74kmh_mm": (second.x_m - first.x_m) * 1e3,

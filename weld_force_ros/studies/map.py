@@ -9,7 +9,7 @@ from weld_force_ros.physics.analysis.geometry import classify
 from weld_force_ros.physics.analysis.speed_curve import CurveFeatures
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.studies import map_figures
-from weld_force_ros.studies.laboratory import WELDS, Investigation, Laboratory, Measured, grid_rows
+from weld_force_ros.studies.laboratory import WELDS, Measured, StudyContext, StudyResult, grid_rows
 from weld_force_ros.studies.passages import SIGNIFICANT, first_maximum, hollow_after_maximum
 from weld_force_ros.studies.tables import Cell, Column, Table
 from weld_force_ros.studies.weld_map import WeldMap, standstill, weld_maps, within
@@ -18,19 +18,19 @@ from weld_force_ros.studies.weld_map import WeldMap, standstill, weld_maps, with
 _RAMP_4_M, _RAMP_5_M = (0.10, 0.20 + 0.05), (0.10, 0.25)
 
 
-def run(lab: Laboratory) -> Investigation:
+def run(lab: StudyContext) -> StudyResult:
     """Maps of every weld, with 3D surfaces."""
     began = time.perf_counter()
     maps = weld_maps(lab, lab.welds(*WELDS))
     seconds = (time.perf_counter() - began) / sum(m.force_n.size for m in maps)
     measured = _measured(lab, maps) | {"map.seconds_per_passage": seconds} if lab.papers else {}
-    return Investigation(
+    return StudyResult(
         "map", "Maximum force over speed and position", [map_figures.picture(m) for m in maps],
         {"welds": _weld_table(lab, maps)} | {m.file_name: _map_table(m) for m in maps}, measured,
     )  # fmt: skip
 
 
-def _weld_table(lab: Laboratory, maps: Sequence[WeldMap]) -> Table:
+def _weld_table(lab: StudyContext, maps: Sequence[WeldMap]) -> Table:
     columns = (
         Column("weld", "weld"), Column("kind", "kind"), Column("dip_m"), Column("protrusion_m"),
         Column("hollow_share", "with a hollow", 2), Column("linearity_r2", "R² of a line", 3),
@@ -54,12 +54,12 @@ def _map_table(weld: WeldMap) -> Table:
         Column("peak_x_m", "at m", 3), Column("min_force_n", "least N", 0), Column("contact_loss_s", "loss s", 4),
         Column("hollow", "hollow", 0),
     )  # fmt: skip
-    s = weld.surface
+    s = weld.peak_map
     values = (s.peak_force_n, s.peak_x_m, s.min_force_n, s.contact_loss_s, weld.shape.hollow.astype(float))
     return Table(f"Peaks over {weld.name}", columns, grid_rows(weld.speeds_kmh, weld.positions_m, *values))
 
 
-def _measured(lab: Laboratory, maps: Sequence[WeldMap]) -> Measured:
+def _measured(lab: StudyContext, maps: Sequence[WeldMap]) -> Measured:
     first, second, third, fourth, fifth = maps
     spreads = [m.position_spread() for m in maps]
     tripled = weld_maps(lab, [fifth.name], scale=3.0)[0].position_spread()
@@ -112,7 +112,7 @@ def _bottom(weld: WeldMap, position: int) -> float:
 
 
 def _of_weld_3(weld: WeldMap) -> Measured:
-    lost = (weld.surface.contact_loss_s > 0).any(axis=1)
+    lost = (weld.peak_map.contact_loss_s > 0).any(axis=1)
     early = within(weld.positions_m, 0.0, 0.15)
     mean = weld.force_n.mean(axis=0)
     return {

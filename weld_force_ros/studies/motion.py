@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History
 from weld_force_ros.report.figures import new_figure
-from weld_force_ros.studies.laboratory import BILBAO, WELDS, Investigation, Laboratory, Measured, Picture, as_columns
+from weld_force_ros.studies.laboratory import BILBAO, WELDS, Measured, Picture, StudyContext, StudyResult, as_columns
 from weld_force_ros.studies.passages import SmoothRail
 from weld_force_ros.studies.style import COLOURS, mark_sleepers
 from weld_force_ros.studies.tables import Column, Table
@@ -62,7 +62,7 @@ class Motion:
         return float(self.x_m[np.argmax(self.force_n)])
 
 
-def run(lab: Laboratory) -> Investigation:
+def run(lab: StudyContext) -> StudyResult:
     """Six speeds over one weld, and one passage over a weld with a protrusion."""
     (weld,) = lab.welds(WELDS[0])
     motions = {speed: moving(lab, weld, speed, POSITION_M) for speed in SPEEDS_KMH.values()}
@@ -89,10 +89,10 @@ def run(lab: Laboratory) -> Investigation:
         (speed, *row) for speed, m in motions.items() for row in as_columns(*(column[::_EVERY] for column in m.columns))
     ]
     table = Table(f"Wheel and rail over {weld}; x from its centre", columns, rows)
-    return Investigation("motion", "Motion of wheel and rail", pictures, {"motion": table}, measured)
+    return StudyResult("motion", "Motion of wheel and rail", pictures, {"motion": table}, measured)
 
 
-def moving(lab: Laboratory, weld: str, speed_kmh: float, position_m: float) -> Motion:
+def moving(lab: StudyContext, weld: str, speed_kmh: float, position_m: float) -> Motion:
     """One passage, from 60 cm before the weld's centre to 60 cm behind it."""
     history: History = lab.history(weld, BILBAO, speed_kmh, position_m)
     smooth = SmoothRail(lab, BILBAO, speed_kmh)
@@ -105,7 +105,7 @@ def moving(lab: Laboratory, weld: str, speed_kmh: float, position_m: float) -> M
     ).on(-_SHOWN_M, _SHOWN_M)
 
 
-def _draw(lab: Laboratory, motions: dict[float, Motion]) -> "Figure":
+def _draw(lab: StudyContext, motions: dict[float, Motion]) -> "Figure":
     figure, span_m = new_figure(7.0, 9.0), lab.track(BILBAO).track.spacing_m
     panels = figure.subplots(len(motions), 2, sharex=True, sharey="col")
     for (left, right), (letter, speed) in zip(panels, SPEEDS_KMH.items(), strict=True):
@@ -136,7 +136,7 @@ def _draw_force(axes: "Axes", motion: Motion, position_m: float) -> None:
     behind.set_yticks([])
 
 
-def _fifth_picture(lab: Laboratory, motion: Motion) -> Picture:
+def _fifth_picture(lab: StudyContext, motion: Motion) -> Picture:
     figure, span_m = new_figure(7.0, 3.2), lab.track(BILBAO).track.spacing_m
     axes = figure.subplots()
     _draw_force(axes, motion, _WELD_5_POSITION_M)
@@ -149,7 +149,7 @@ def _fifth_picture(lab: Laboratory, motion: Motion) -> Picture:
     return Picture("protrusion", "Force over a ramp and what follows", caption, figure)
 
 
-def _measured(lab: Laboratory, motions: dict[float, Motion]) -> Measured:
+def _measured(lab: StudyContext, motions: dict[float, Motion]) -> Measured:
     static_n = lab.track(BILBAO).wheel.static_load_n
     profile = lab.weld(WELDS[0])
     depth_m = -min(profile.z_m)
@@ -184,7 +184,7 @@ def _nearest_inflection(slope: CubicSpline, x_m: float) -> float:
     return float(rising[np.argmin(np.abs(rising - x_m))]) if len(rising) else np.nan
 
 
-def _measured_fifth(lab: Laboratory, motion: Motion) -> Measured:
+def _measured_fifth(lab: StudyContext, motion: Motion) -> Measured:
     static_n = lab.track(BILBAO).wheel.static_load_n
     ramp, central = (motion.on(a - _HALF_WELD_M, b - _HALF_WELD_M) for a, b in (_RAMP_M, _CENTRAL_M))
     first, second = float(ramp.force_n.max()) - static_n, float(central.force_n.max()) - static_n

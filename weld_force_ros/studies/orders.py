@@ -12,12 +12,12 @@ from threadpoolctl import threadpool_limits
 
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.engines.common_poles import PoleModel, fit_track, relative_error
-from weld_force_ros.physics.passage.passage import Rig
+from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.simulation import track_file
 from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.studies import Stage
 from weld_force_ros.studies.comparison import Error, error_of
-from weld_force_ros.studies.grids import ReferenceGrid, trajectory
+from weld_force_ros.studies.grids import ReferenceGrid, wheel_path
 from weld_force_ros.studies.reference_peaks import ReferencePeaks
 from weld_force_ros.studies.tables import Cell, Column, Table
 
@@ -68,14 +68,14 @@ def order_effects(
     for grid in grids:
         for order in orders:
             model, fit_error = _fitted(grid.definition, order)
-            error = error_of(grid.compared(f"order {order}", Rig(model, grid.definition.wheel)))
+            error = error_of(grid.compared(f"order {order}", VehicleTrackModel(model, grid.definition.wheel)))
             effects.append(OrderEffect(grid.grid.track, order, fit_error, error, []))
             step()
     definition = track_file.load(ANGLE_TRACK)
-    dip = trajectory(ANGLE_SHAPE, definition)
+    dip = wheel_path(ANGLE_SHAPE, definition)
     for order in orders:
         model, fit_error = _fitted(definition, order)
-        places = Rig(model, definition.wheel).surface(dip, speeds_kmh, [0.0]).peak_x_m[:, 0]
+        places = VehicleTrackModel(model, definition.wheel).peak_map(dip, speeds_kmh, [0.0]).peak_x_m[:, 0]
         effects.append(OrderEffect(ANGLE_TRACK, order, fit_error, None, sharp_angles(speeds_kmh, places)))
         step()
     places = _reference_places(definition, kept, speeds_kmh, stage("the reference's sharp angles", len(speeds_kmh)))
@@ -100,7 +100,7 @@ def _fitted(definition: TrackDefinition, order: int) -> tuple[PoleModel, float]:
 def _reference_places(
     definition: TrackDefinition, kept: ReferencePeaks, speeds_kmh: Sequence[float], on_speed: Callable[[], object]
 ) -> FloatArray:
-    dip = trajectory(ANGLE_SHAPE, definition)
+    dip = wheel_path(ANGLE_SHAPE, definition)
     places = []
     for speed in speeds_kmh:
         places.append(kept.at_speed(definition, [dip], speed, np.zeros(1))[0, 1, 0])

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import msgspec
 
-from weld_force_ros.studies import Stage, claims, gallery, unseen
-from weld_force_ros.studies.gallery import Shown
-from weld_force_ros.studies.laboratory import Investigation, Laboratory, Measured
+from weld_force_ros.studies import Stage, claims, gallery, no_progress
+from weld_force_ros.studies.gallery import RenderedStudy
+from weld_force_ros.studies.laboratory import Measured, StudyContext, StudyResult
 
 # In the order of the paper.
 STUDIES = (
@@ -31,18 +31,18 @@ _INTRODUCTION = (
 class Studied:
     """What a run of studies leaves."""
 
-    shown: list[Shown]
+    shown: list[RenderedStudy]
     measured: Measured
     judged: list[claims.Judged]
 
 
-def investigate(name: str, lab: Laboratory) -> Investigation:
+def investigate(name: str, lab: StudyContext) -> StudyResult:
     """Run one study."""
-    found: Investigation = import_module(f"weld_force_ros.studies.{name}").run(lab)
+    found: StudyResult = import_module(f"weld_force_ros.studies.{name}").run(lab)
     return found
 
 
-def run_one(name: str, lab: Laboratory, out: Path) -> Studied:
+def run_one(name: str, lab: StudyContext, out: Path) -> Studied:
     """Run one study and write its figures and data to `out / name`.
 
     Raises:
@@ -55,7 +55,7 @@ def run_one(name: str, lab: Laboratory, out: Path) -> Studied:
     return Studied([shown], found.measured, [])
 
 
-def run_all(lab: Laboratory, out: Path, *, names: Sequence[str] = STUDIES, stage: Stage = unseen) -> Studied:
+def run_all(lab: StudyContext, out: Path, *, names: Sequence[str] = STUDIES, stage: Stage = no_progress) -> Studied:
     """Run all studies, then judge the claims and write `claims.json` and `gallery.html`.
 
     Drawing takes longer than computing: two processes share the studies.

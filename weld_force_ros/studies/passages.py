@@ -9,8 +9,8 @@ from weld_force_ros.physics.analysis.peaks import Peak, local_peaks
 from weld_force_ros.physics.analysis.speed_curve import CurveFeatures, Hollow, curve_features, sharp_angles
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History
-from weld_force_ros.physics.passage.peak_map import Surface
-from weld_force_ros.studies.laboratory import Laboratory
+from weld_force_ros.physics.passage.peak_map import PeakMap
+from weld_force_ros.studies.laboratory import StudyContext
 
 SIGNIFICANT = 0.02  # of a curve's largest less smallest force: what counts as an extremum or a hollow
 _BESIDE_M = (-0.050, 0.200)
@@ -26,9 +26,9 @@ def first_maximum(curve: CurveFeatures) -> tuple[float, float]:
     return (curve.maxima[0].speed_kmh, curve.maxima[0].force_n) if curve.maxima else (np.nan, np.nan)
 
 
-def angles_kmh(speeds_kmh: FloatArray, surface: Surface) -> list[float]:
+def angles_kmh(speeds_kmh: FloatArray, peak_map: PeakMap) -> list[float]:
     """Sharp angles of the curve at the surface's first position, the weld's centre being over the sleeper."""
-    return sharp_angles(speeds_kmh, surface.peak_force_n[:, 0], surface.peak_x_m[:, 0])
+    return sharp_angles(speeds_kmh, peak_map.peak_force_n[:, 0], peak_map.peak_x_m[:, 0])
 
 
 def hollow_after_maximum(curve: CurveFeatures) -> Hollow | None:
@@ -57,7 +57,7 @@ def two_highest(peaks: list[Peak]) -> tuple[Peak, Peak]:
 class SmoothRail:
     """The passage at one speed over a track without a weld, known at any place."""
 
-    lab: Laboratory
+    lab: StudyContext
     track: str
     speed_kmh: float
 

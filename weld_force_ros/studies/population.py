@@ -1,6 +1,6 @@
 """Study `population`: does a weld's geometry tell how its force grows with speed?
 
-After sections 4, 7 and 8 of the paper. Hundreds of synthetic welds (`weld_force_ros.measurement.synthetic_welds`) are rolled over,
+After sections 4, 7 and 8 of the paper. Hundreds of synthetic welds (`measurement.synthetic_welds`) are rolled over,
 sorted by their geometry alone, and the classes held against what the forces did. Each weld with a dip is also rolled
 over upside down.
 """
@@ -12,7 +12,7 @@ import numpy as np
 from weld_force_ros.measurement.synthetic_welds import population, without_short_waves
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.studies import population_figures as figures
-from weld_force_ros.studies.laboratory import BILBAO, Investigation, Laboratory, Measured, Picture, as_columns
+from weld_force_ros.studies.laboratory import BILBAO, Measured, Picture, StudyContext, StudyResult, as_columns
 from weld_force_ros.studies.population_rolling import (
     KINDS,
     POSITIONS_M,
@@ -34,7 +34,7 @@ from weld_force_ros.studies.tables import Cell, Column, Table
 COUNT, COARSE_COUNT, SEED = 500, 60, 2018
 
 
-def run(lab: Laboratory) -> Investigation:
+def run(lab: StudyContext) -> StudyResult:
     """Roll over the population, with the user's own weld at its side."""
     speeds = lab.speeds(20, 300, 10)
     welds = list(population(COARSE_COUNT if lab.coarse else COUNT, SEED))
@@ -69,14 +69,14 @@ def run(lab: Laboratory) -> Investigation:
     ]  # fmt: skip
     tables = {"classes": _classes(cases, without), "welds": _welds(cases), "inverted": _inversions(speeds, pairs)}
     measured = _measured(lab, speeds, cases, pairs) if lab.papers else {}
-    return Investigation("population", "A population of welds", pictures, tables, measured)
+    return StudyResult("population", "A population of welds", pictures, tables, measured)
 
 
-def _own_curves(lab: Laboratory, speeds: FloatArray) -> list[Curve]:
+def _own_curves(lab: StudyContext, speeds: FloatArray) -> list[Curve]:
     if lab.own_weld is None:
         return []
-    surface = lab.surface(lab.own_weld.weld_id, BILBAO, speeds, POSITIONS_M)
-    return [curve(speeds, force_n) for force_n in surface.peak_force_n.T]
+    peak_map = lab.peak_map(lab.own_weld.weld_id, BILBAO, speeds, POSITIONS_M)
+    return [curve(speeds, force_n) for force_n in peak_map.peak_force_n.T]
 
 
 def _classes(cases: list[Case], without: list[Case]) -> Table:
@@ -112,7 +112,7 @@ def _welds(cases: list[Case]) -> Table:
         )
         for case in cases
         for position, curve, largest_n in zip(
-            POSITIONS_M, case.curves, case.surface.peak_force_n.max(axis=0), strict=True
+            POSITIONS_M, case.curves, case.peak_map.peak_force_n.max(axis=0), strict=True
         )
     ]  # fmt: skip
     names = (
@@ -135,7 +135,7 @@ def _inversions(speeds: FloatArray, pairs: Inverted) -> Table:
     )  # fmt: skip
 
 
-def _measured(lab: Laboratory, speeds: FloatArray, cases: list[Case], pairs: Inverted) -> Measured:
+def _measured(lab: StudyContext, speeds: FloatArray, cases: list[Case], pairs: Inverted) -> Measured:
     dips, protrusions = (curves_of(cases, kind) for kind in KINDS)
     return {
         "population.non_monotonic_share_dips": with_hollow(dips) / max(len(dips), 1),

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from weld_force_ros.measurement.synthetic_welds import SyntheticWeld
 from weld_force_ros.physics.analysis.geometry import Geometry, classify, quality_index
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.passage import Rig
-from weld_force_ros.physics.passage.peak_map import Surface
-from weld_force_ros.physics.passage.wheel_path import Trajectory
-from weld_force_ros.studies.laboratory import BILBAO, Laboratory
+from weld_force_ros.physics.passage.passage import VehicleTrackModel
+from weld_force_ros.physics.passage.peak_map import PeakMap
+from weld_force_ros.physics.passage.wheel_path import WheelPath
+from weld_force_ros.studies.laboratory import BILBAO, StudyContext
 from weld_force_ros.studies.passages import SmoothRail, features
 
 POSITIONS_M = np.array([0.0, 0.30])
@@ -46,20 +46,20 @@ class Case:
 
     Attributes:
         weld: as it was made.
-        trajectory: the wheel centre's, over it.
+        wheel_path: the wheel centre's, over it.
         geometry: its class.
         gradient_rad: largest gradient, of the quality index.
         third: of the population, by that gradient: 0 the smoothest, 2 the roughest.
-        surface: peak forces and their places.
+        peak_map: peak forces and their places.
         curves: one at each position.
     """
 
     weld: SyntheticWeld
-    trajectory: Trajectory
+    wheel_path: WheelPath
     geometry: Geometry
     gradient_rad: float
     third: int
-    surface: Surface
+    peak_map: PeakMap
     curves: list[Curve]
 
 
@@ -80,19 +80,19 @@ class Inverted:
     frequency_hz: FloatArray
 
 
-def rolled(lab: Laboratory, speeds_kmh: FloatArray, welds: list[SyntheticWeld]) -> list[Case]:
+def rolled(lab: StudyContext, speeds_kmh: FloatArray, welds: list[SyntheticWeld]) -> list[Case]:
     """Welds at every speed and position."""
-    trajectories = [lab.trajectory((weld.x_m, weld.z_m), BILBAO) for weld in welds]
-    surfaces = lab.rig(BILBAO).surfaces(trajectories, speeds_kmh, POSITIONS_M)
+    wheel_paths = [lab.wheel_path((weld.x_m, weld.z_m), BILBAO) for weld in welds]
+    peak_maps = lab.vehicle_track(BILBAO).peak_maps(wheel_paths, speeds_kmh, POSITIONS_M)
     gradients = np.array([quality_index(weld.x_m, weld.z_m, _LINE_SPEED_KMH).gradient_rad for weld in welds])
     thirds = 3 * np.argsort(np.argsort(gradients)) // len(welds)
     return [
         Case(
-            weld, trajectory, classify(weld.x_m, weld.z_m), float(gradient), int(third), surface,
-            [curve(speeds_kmh, force_n) for force_n in surface.peak_force_n.T],
+            weld, wheel_path, classify(weld.x_m, weld.z_m), float(gradient), int(third), peak_map,
+            [curve(speeds_kmh, force_n) for force_n in peak_map.peak_force_n.T],
         )
-        for weld, trajectory, gradient, third, surface in zip(
-            welds, trajectories, gradients, thirds, surfaces, strict=True
+        for weld, wheel_path, gradient, third, peak_map in zip(
+            welds, wheel_paths, gradients, thirds, peak_maps, strict=True
         )
     ]  # fmt: skip
 
@@ -104,16 +104,18 @@ def curve(speeds_kmh: FloatArray, force_n: FloatArray) -> Curve:
     return Curve(shape.monotonic, fall_n / float(np.ptp(force_n)), shape.linearity)
 
 
-def inverted(lab: Laboratory, speeds_kmh: FloatArray, cases: list[Case]) -> Inverted:
+def inverted(lab: StudyContext, speeds_kmh: FloatArray, cases: list[Case]) -> Inverted:
     """The welds of the class `dip`, and the same upside down."""
     dips = [case for case in cases if case.geometry.kind == "dip"]
-    rig = lab.rig(BILBAO)
-    trajectories = (lab.trajectory((case.weld.x_m, -case.weld.z_m), BILBAO) for case in dips)
-    static_n = rig.wheel.static_load_n
+    vehicle_track = lab.vehicle_track(BILBAO)
+    wheel_paths = (lab.wheel_path((case.weld.x_m, -case.weld.z_m), BILBAO) for case in dips)
+    static_n = vehicle_track.wheel.static_load_n
     wavelengths_m = np.array([case.weld.parameters.wavelength_m for case in dips])
     return Inverted(
-        dip_n=np.array([case.surface.peak_force_n - static_n for case in dips]),
-        rise_n=np.array([s.peak_force_n - static_n for s in rig.surfaces(trajectories, speeds_kmh, POSITIONS_M)]),
+        dip_n=np.array([case.peak_map.peak_force_n - static_n for case in dips]),
+        rise_n=np.array(
+            [s.peak_force_n - static_n for s in vehicle_track.peak_maps(wheel_paths, speeds_kmh, POSITIONS_M)]
+        ),
         becomes_protrusion=np.array([classify(case.weld.x_m, -case.weld.z_m).kind == "protrusion" for case in dips]),
         frequency_hz=speeds_kmh / 3.6 / wavelengths_m[:, None],
     )
@@ -160,34 +162,34 @@ def ratios_by_frequency(pairs: Inverted) -> tuple[FloatArray, FloatArray]:
     return np.array(centres), np.array(quartiles).T
 
 
-def parametric_share(lab: Laboratory, speeds_kmh: FloatArray, cases: list[Case]) -> float:
+def parametric_share(lab: StudyContext, speeds_kmh: FloatArray, cases: list[Case]) -> float:
     """Share of the smoothest third whose increment over the smooth rail keeps below that rail's own range.
 
     Both over all speeds; the increment is the largest force less the smooth rail's at the same place and speed.
     """
-    rig = lab.rig(BILBAO)
+    vehicle_track = lab.vehicle_track(BILBAO)
     smooth = [SmoothRail(lab, BILBAO, float(speed)) for speed in speeds_kmh]
-    span = np.linspace(0.0, rig.model.spacing_m, _SPAN_SAMPLES)
+    span = np.linspace(0.0, vehicle_track.model.spacing_m, _SPAN_SAMPLES)
     span_n = np.array([rail.force_n(span) for rail in smooth])
     third = [case for case in cases if case.third == 0]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        exceeded = list(pool.map(lambda case: _exceeds(rig, case, smooth, span_n), third))
+        exceeded = list(pool.map(lambda case: _exceeds(vehicle_track, case, smooth, span_n), third))
     return 1 - float(np.mean(exceeded))
 
 
-def _exceeds(rig: Rig, case: Case, smooth: list[SmoothRail], span_n: FloatArray) -> bool:
+def _exceeds(vehicle_track: VehicleTrackModel, case: Case, smooth: list[SmoothRail], span_n: FloatArray) -> bool:
     """Whether the increment exceeds the smooth rail's range at some speed and position."""
     range_n = float(np.ptp(span_n, axis=1).max())
-    peak_n, peak_x_m = case.surface.peak_force_n, case.surface.peak_x_m
+    peak_n, peak_x_m = case.peak_map.peak_force_n, case.peak_map.peak_x_m
     # The peak bounds the increment from both sides, so that few passages have to be looked at in full.
     at_peak_n = np.array([rail.force_n(x) for rail, x in zip(smooth, peak_x_m, strict=True)])
     if np.any(peak_n - at_peak_n > range_n):
         return True
     unclear = np.argwhere(peak_n - span_n.min(axis=1)[:, None] > range_n)
     fastest_first = unclear[::-1]  # as they are likeliest to exceed
-    return any(_increment_n(rig, case, smooth[i], float(POSITIONS_M[j])) > range_n for i, j in fastest_first)
+    return any(_increment_n(vehicle_track, case, smooth[i], float(POSITIONS_M[j])) > range_n for i, j in fastest_first)
 
 
-def _increment_n(rig: Rig, case: Case, smooth: SmoothRail, position_m: float) -> float:
-    passage = rig.history(case.trajectory, smooth.speed_kmh, position_m)
+def _increment_n(vehicle_track: VehicleTrackModel, case: Case, smooth: SmoothRail, position_m: float) -> float:
+    passage = vehicle_track.history(case.wheel_path, smooth.speed_kmh, position_m)
     return float(np.max(passage.force_n - smooth.force_n(passage.x_m)))

@@ -7,8 +7,8 @@ import numpy as np
 
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
-from weld_force_ros.physics.passage.passage import Rig
-from weld_force_ros.physics.passage.wheel_path import wheel_trajectory
+from weld_force_ros.physics.passage.passage import VehicleTrackModel
+from weld_force_ros.physics.passage.wheel_path import wheel_path_over
 from weld_force_ros.physics.track import beam as core_tracks
 from weld_force_ros.physics.track import waveguide_rail
 from weld_force_ros.physics.track.beam import Rail, StripRail
@@ -16,7 +16,7 @@ from weld_force_ros.physics.track.outline import Dimensions
 from weld_force_ros.simulation import fit_store, section_file, track_file
 from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.studies import rail_figures
-from weld_force_ros.studies.laboratory import DIP_48, WELDS, Investigation, Measured, as_columns
+from weld_force_ros.studies.laboratory import DIP_48, WELDS, Measured, StudyResult, as_columns
 from weld_force_ros.studies.rail_figures import Forces
 from weld_force_ros.studies.tables import Cell, Column, Table
 
@@ -52,7 +52,7 @@ def run(
     coarse: bool = False,
     stage: Callable[[str, int], Callable[[], None]],
     say: Callable[[str], None],
-) -> Investigation:
+) -> StudyResult:
     """Waves, receptances and peak forces of both rails.
 
     Args:
@@ -95,7 +95,7 @@ def run(
         "receptance": _receptance_table(frequency_hz, at_m, receptances),
     }
     measured = _measured(beam, strips, frequency_hz, receptances, forces)
-    return Investigation("rail", f"Beam and finite strips: {given.track.name}", pictures, found, measured)
+    return StudyResult("rail", f"Beam and finite strips: {given.track.name}", pictures, found, measured)
 
 
 def _both(beam: TrackDefinition, strips: TrackDefinition) -> tuple[tuple[str, TrackDefinition], ...]:
@@ -128,14 +128,19 @@ def _forces(
     positions = np.arange(5 if coarse else 15) * beam.track.spacing_m / (5 if coarse else 15)
     names = (*WELDS, DIP_48)
     advance = stage("peak forces", len(names) + 1)
-    rigs = {name: Rig(fit_store.fitted(one, on_fit=say).model(), one.wheel) for name, one in _both(beam, strips)}
+    vehicle_tracks = {
+        name: VehicleTrackModel(fit_store.fitted(one, on_fit=say).model(), one.wheel)
+        for name, one in _both(beam, strips)
+    }
     advance()
     found = []
     for name in names:
         profile = profile_file.read_profile(profile_file.find(name))
-        way = wheel_trajectory(np.array(profile.x_m), np.array(profile.z_m), beam.wheel.radius_m)
-        surfaces = {rail: rig.surface(way, speeds, positions) for rail, rig in rigs.items()}
-        found.append(Forces(name, speeds, surfaces["beam"], surfaces["strip"]))
+        way = wheel_path_over(np.array(profile.x_m), np.array(profile.z_m), beam.wheel.radius_m)
+        peak_maps = {
+            rail: vehicle_track.peak_map(way, speeds, positions) for rail, vehicle_track in vehicle_tracks.items()
+        }
+        found.append(Forces(name, speeds, peak_maps["beam"], peak_maps["strip"]))
         advance()
     return found
 

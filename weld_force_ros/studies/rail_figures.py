@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
-from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.track.cross_section import Mesh
 from weld_force_ros.physics.track.waveguide_rail import WaveShape
 from weld_force_ros.report.figures import BLUE, GREY, RED, new_figure
@@ -37,8 +37,8 @@ class Forces:
 
     weld: str
     speeds_kmh: FloatArray
-    beam: Surface
-    strip: Surface
+    beam: PeakMap
+    strip: PeakMap
 
     @property
     def difference(self) -> FloatArray:

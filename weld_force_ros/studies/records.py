@@ -7,24 +7,24 @@ from numpy.typing import ArrayLike
 
 from weld_force_ros.physics.analysis.spectra import SpectralPeak, Spectrum, amplitude_spectrum, spectral_peaks
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.passage import History, Rig
-from weld_force_ros.physics.passage.peak_map import Surface
-from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, Trajectory
+from weld_force_ros.physics.passage.passage import History, VehicleTrackModel
+from weld_force_ros.physics.passage.peak_map import PeakMap
+from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, WheelPath
 
 MARGIN_M = 6.0  # the wheelset on the track has come to rest within it, and the taper's ends lie in it
 CLEAR = 0.01  # of the largest amplitude: how far a spectral peak stands out
 
 
-def record(rig: Rig, trajectory: Trajectory, speed_kmh: float) -> History:
+def record(vehicle_track: VehicleTrackModel, wheel_path: WheelPath, speed_kmh: float) -> History:
     """A passage with the weld's centre at 0 and smooth rail on either side.
 
     Its force is what the weld adds to the static load: less what sleepers do, if the track has any.
     """
     samples = round(MARGIN_M / RESAMPLED_STEP_M)
-    start_m = trajectory.start_m - samples * RESAMPLED_STEP_M
-    height_m = np.pad(trajectory.height_m, samples)
-    passage, smooth = (rig.history(Trajectory(start_m, z), speed_kmh, 0.0) for z in (height_m, 0.0 * height_m))
-    return replace(passage, force_n=rig.wheel.static_load_n + passage.force_n - smooth.force_n)
+    start_m = wheel_path.start_m - samples * RESAMPLED_STEP_M
+    height_m = np.pad(wheel_path.height_m, samples)
+    passage, smooth = (vehicle_track.history(WheelPath(start_m, z), speed_kmh, 0.0) for z in (height_m, 0.0 * height_m))
+    return replace(passage, force_n=vehicle_track.wheel.static_load_n + passage.force_n - smooth.force_n)
 
 
 def force_spectrum(passage: History, speed_kmh: float) -> Spectrum:
@@ -54,11 +54,11 @@ def first_two_hz(peaks: list[SpectralPeak]) -> tuple[float, float]:
     return first, second
 
 
-def place_at(speeds_kmh: FloatArray, surface: Surface, speed_kmh: float) -> float:
+def place_at(speeds_kmh: FloatArray, peak_map: PeakMap, speed_kmh: float) -> float:
     """Where the force peaks at the computed speed nearest to another, at the surface's first position."""
     if not np.isfinite(speed_kmh):
         return float("nan")
-    return float(surface.peak_x_m[np.argmin(np.abs(speeds_kmh - speed_kmh)), 0])
+    return float(peak_map.peak_x_m[np.argmin(np.abs(speeds_kmh - speed_kmh)), 0])
 
 
 def exponent(speeds_kmh: ArrayLike, quantity: ArrayLike) -> float:

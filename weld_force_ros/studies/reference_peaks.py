@@ -16,7 +16,7 @@ import numpy as np
 from weld_force_ros import __version__, _files
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.engines import greens_function
-from weld_force_ros.physics.passage.wheel_path import Trajectory
+from weld_force_ros.physics.passage.wheel_path import WheelPath
 from weld_force_ros.physics.track import beam
 from weld_force_ros.simulation.track_file import TrackDefinition
 
@@ -31,7 +31,7 @@ class ReferencePeaks:
     folder: Path
 
     def at_speed(
-        self, definition: TrackDefinition, trajectories: Sequence[Trajectory], speed_kmh: float, positions_m: FloatArray
+        self, definition: TrackDefinition, wheel_paths: Sequence[WheelPath], speed_kmh: float, positions_m: FloatArray
     ) -> FloatArray:
         """Peak force (N) and its place (m) of every passage at one speed, (n_trajectory, 2, n_position).
 
@@ -39,14 +39,14 @@ class ReferencePeaks:
             InputError: the folder cannot be written; a speed or position that cannot be simulated.
         """
         path = self.folder / f"{_key(definition, speed_kmh, positions_m)}.npz"
-        welds = [_digest(t.start_m, t.height_m) for t in trajectories]
+        welds = [_digest(t.start_m, t.height_m) for t in wheel_paths]
         known = _read(path)
-        missing = {weld: t for weld, t in zip(welds, trajectories, strict=True) if weld not in known}
+        missing = {weld: t for weld, t in zip(welds, wheel_paths, strict=True) if weld not in known}
         if missing:
-            rig = greens_function.GreenRig(definition.track, definition.wheel)
-            surfaces = rig.surfaces(list(missing.values()), [speed_kmh], positions_m)
+            vehicle_track = greens_function.GreensFunctionModel(definition.track, definition.wheel)
+            peak_maps = vehicle_track.peak_maps(list(missing.values()), [speed_kmh], positions_m)
             known |= {
-                weld: np.concatenate([s.peak_force_n, s.peak_x_m]) for weld, s in zip(missing, surfaces, strict=True)
+                weld: np.concatenate([s.peak_force_n, s.peak_x_m]) for weld, s in zip(missing, peak_maps, strict=True)
             }
             _write(path, known)
         return np.stack([known[weld] for weld in welds])

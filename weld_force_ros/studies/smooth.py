@@ -4,7 +4,7 @@ import numpy as np
 
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report.figures import new_figure
-from weld_force_ros.studies.laboratory import BILBAO, Investigation, Laboratory, Measured, Picture, as_columns
+from weld_force_ros.studies.laboratory import BILBAO, Measured, Picture, StudyContext, StudyResult, as_columns
 from weld_force_ros.studies.style import COLOURS, mark_sleepers
 from weld_force_ros.studies.tables import Column, Table
 
@@ -13,7 +13,7 @@ _SPANS = 8
 _SHOWN_SPANS = 2
 
 
-def run(lab: Laboratory) -> Investigation:
+def run(lab: StudyContext) -> StudyResult:
     """Force over whole spans at four speeds."""
     span_m = lab.track(BILBAO).track.spacing_m
     histories = [lab.smooth_rail(BILBAO, speed, _SPANS) for speed in SPEEDS_KMH]
@@ -41,7 +41,7 @@ def run(lab: Laboratory) -> Investigation:
         (Column("speed_kmh", "km/h", 0), Column("x_m", "m", 4), Column("force_n", "N", 0)), rows,
     )  # fmt: skip
     measured = _measured(spans, span_m) if lab.papers else {}
-    return Investigation("smooth", "Parametric excitation", [picture], {"force": table}, measured)
+    return StudyResult("smooth", "Parametric excitation", [picture], {"force": table}, measured)
 
 
 def _whole_spans(x_m: FloatArray, force_n: FloatArray, span_m: float) -> tuple[FloatArray, FloatArray]:

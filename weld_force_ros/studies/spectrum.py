@@ -19,9 +19,9 @@ from weld_force_ros.studies.laboratory import (
     CONTINUOUS,
     DIP_48,
     WELDS,
-    Investigation,
-    Laboratory,
     Measured,
+    StudyContext,
+    StudyResult,
     as_columns,
 )
 from weld_force_ros.studies.spectrum_figures import Excitation, dip_picture, receptance_picture, weld_pictures
@@ -38,7 +38,7 @@ _NEAR = 0.1  # of a frequency
 _SHORT_M = 0.4  # wavelengths below it tell how the weld's own peaks move
 
 
-def run(lab: Laboratory) -> Investigation:
+def run(lab: StudyContext) -> StudyResult:
     """Receptances of the track and of the wheelset on it; spectra of the force and of the weld."""
     receptances = _receptances(lab)
     weld = lab.welds(WELDS[0])[0]
@@ -54,10 +54,10 @@ def run(lab: Laboratory) -> Investigation:
     ]
     tables = {"receptance": _receptance_table(receptances), "spectra": _spectra_table([*excitations, *over_dip])}
     measured = _measured(lab, receptances, excitations, over_dip[0]) if lab.papers else {}
-    return Investigation("spectrum", "Wavelengths and resonances", pictures, tables, measured)
+    return StudyResult("spectrum", "Wavelengths and resonances", pictures, tables, measured)
 
 
-def _receptances(lab: Laboratory) -> dict[str, ComplexArray]:
+def _receptances(lab: StudyContext) -> dict[str, ComplexArray]:
     """Track alone: at the sections of Fig. 5, over the whole span, where the wheel rolls; and with the wheelset."""
     discrete, continuous = lab.track(BILBAO).track, lab.track(CONTINUOUS)
     span = beam.receptance(discrete, _FREQUENCIES_HZ, beam.sections(discrete, 15))
@@ -69,8 +69,8 @@ def _receptances(lab: Laboratory) -> dict[str, ComplexArray]:
     }
 
 
-def _excitation(lab: Laboratory, weld: str, speed_kmh: float) -> Excitation:
-    passage = records.record(lab.rig(CONTINUOUS), lab.trajectory(weld, CONTINUOUS), speed_kmh)
+def _excitation(lab: StudyContext, weld: str, speed_kmh: float) -> Excitation:
+    passage = records.record(lab.vehicle_track(CONTINUOUS), lab.wheel_path(weld, CONTINUOUS), speed_kmh)
     force, irregularity = (of(passage, speed_kmh) for of in (records.force_spectrum, records.irregularity_spectrum))
     return Excitation(weld, speed_kmh, force, irregularity)
 
@@ -101,7 +101,7 @@ def _spectra_table(excitations: list[Excitation]) -> Table:
 
 
 def _measured(
-    lab: Laboratory, receptances: dict[str, ComplexArray], excitations: list[Excitation], over_dip: Excitation
+    lab: StudyContext, receptances: dict[str, ComplexArray], excitations: list[Excitation], over_dip: Excitation
 ) -> Measured:
     first, second, *_ = [*resonances_hz(_FREQUENCIES_HZ, receptances["wheelset_track"][0]), np.nan, np.nan]
     dip_first, dip_second = records.first_two_hz(spectral_peaks(over_dip.force, records.CLEAR))
@@ -115,7 +115,7 @@ def _measured(
     }
 
 
-def _track_alone(lab: Laboratory, receptances: dict[str, ComplexArray]) -> Measured:
+def _track_alone(lab: StudyContext, receptances: dict[str, ComplexArray]) -> Measured:
     pinned_hz = beam.pinned_pinned_hz(lab.track(BILBAO).track)
     ratio = _ratio(receptances["sections"])
     near_pinned = np.abs(_FREQUENCIES_HZ / pinned_hz - 1) <= _NEAR

@@ -15,10 +15,10 @@ from weld_force_ros.studies.grids import COSINES_M, sampled_cosine
 from weld_force_ros.studies.laboratory import (
     FLAT,
     JOHANSSON_NIELSEN,
-    Investigation,
-    Laboratory,
     Measured,
     Picture,
+    StudyContext,
+    StudyResult,
     as_columns,
     grid_rows,
 )
@@ -34,12 +34,12 @@ _LENGTH_M, _LONGER_M, _DEPTH_M = 0.100, 0.150, 0.9e-3
 _TOLD_KMH = (40.0, 95.0)  # of the measurements, in the paper's section 1
 
 
-def run(lab: Laboratory) -> Investigation:
+def run(lab: StudyContext) -> StudyResult:
     """Peak forces over flats up to 300 km/h, everywhere in the span."""
     speeds = lab.speeds(10, 300, 1)
     positions = lab.positions(JOHANSSON_NIELSEN)
     (weld,) = lab.welds(FLAT)
-    peak_n = lab.surface(weld, JOHANSSON_NIELSEN, speeds, positions).peak_force_n
+    peak_n = lab.peak_map(weld, JOHANSSON_NIELSEN, speeds, positions).peak_force_n
     pictures = [
         Picture(
             "validation-envelope", f"Peak force over {weld}",
@@ -68,13 +68,13 @@ def run(lab: Laboratory) -> Investigation:
         columns = (Column("speed_kmh", "km/h", 0), *(Column(f"upper_n_{name}", f"{name}, N", 0) for name in upper))
         tables["deeper"] = Table("Largest peak force of all positions", columns, as_columns(speeds, *upper.values()))
     measured = _measured(lab, speeds, positions, peak_n) if lab.papers else {}
-    return Investigation("validation", "Wheel flats", pictures, tables, measured)
+    return StudyResult("validation", "Wheel flats", pictures, tables, measured)
 
 
 def _upper(
-    lab: Laboratory, flat: tuple[FloatArray, FloatArray], speeds: FloatArray, positions: FloatArray
+    lab: StudyContext, flat: tuple[FloatArray, FloatArray], speeds: FloatArray, positions: FloatArray
 ) -> FloatArray:
-    return np.asarray(lab.surface(flat, JOHANSSON_NIELSEN, speeds, positions).peak_force_n.max(axis=1))
+    return np.asarray(lab.peak_map(flat, JOHANSSON_NIELSEN, speeds, positions).peak_force_n.max(axis=1))
 
 
 def _envelope(speeds: FloatArray, peak_n: FloatArray, weld: str, told_kmh: tuple[float, ...]) -> "Figure":
@@ -101,7 +101,7 @@ def _deeper_flats(speeds: FloatArray, upper_n: dict[str, FloatArray]) -> "Figure
     return figure
 
 
-def _measured(lab: Laboratory, speeds: FloatArray, positions: FloatArray, peak_n: FloatArray) -> Measured:
+def _measured(lab: StudyContext, speeds: FloatArray, positions: FloatArray, peak_n: FloatArray) -> Measured:
     upper_n = peak_n.max(axis=1)
     curve = features(speeds, upper_n)
     speed_kmh, maximum_n = first_maximum(curve)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from weld_force_ros.physics.analysis.speed_curve import CurveFeatures, SurfaceFeatures, surface_features
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.peak_map import Surface
-from weld_force_ros.physics.passage.wheel_path import wheel_trajectory
-from weld_force_ros.studies.laboratory import BILBAO, WELDS, Laboratory
+from weld_force_ros.physics.passage.peak_map import PeakMap
+from weld_force_ros.physics.passage.wheel_path import wheel_path_over
+from weld_force_ros.studies.laboratory import BILBAO, WELDS, StudyContext
 from weld_force_ros.studies.passages import SIGNIFICANT, features
 
 SPEEDS_KMH = (20.0, 300.0, 5.0)
@@ -27,7 +27,7 @@ class WeldMap:
     positions_m: FloatArray
     span_m: float
     static_n: float
-    surface: Surface
+    peak_map: PeakMap
 
     @property
     def file_name(self) -> str:
@@ -37,7 +37,7 @@ class WeldMap:
     @property
     def force_n(self) -> FloatArray:
         """Peak forces."""
-        return self.surface.peak_force_n
+        return self.peak_map.peak_force_n
 
     @cached_property
     def curves(self) -> list[CurveFeatures]:
@@ -52,7 +52,7 @@ class WeldMap:
     @property
     def place_m(self) -> FloatArray:
         """Place of the peaks from the straightedge's start."""
-        return np.asarray(self.surface.peak_x_m - self.positions_m + _STRAIGHTEDGE_CENTRE_M)
+        return np.asarray(self.peak_map.peak_x_m - self.positions_m + _STRAIGHTEDGE_CENTRE_M)
 
     def between(self, first_kmh: float, last_kmh: float) -> FloatArray:
         """Mean over speeds, (n_position,)."""
@@ -74,16 +74,16 @@ def within(values: FloatArray, first: float, last: float) -> NDArray[np.bool_]:
     return np.asarray((values >= first - 1e-9) & (values <= last + 1e-9))
 
 
-def weld_maps(lab: Laboratory, names: Sequence[str], scale: float = 1.0) -> list[WeldMap]:
+def weld_maps(lab: StudyContext, names: Sequence[str], scale: float = 1.0) -> list[WeldMap]:
     """Maps of welds on the paper's track, heights times `scale`."""
-    speeds, positions, rig = lab.speeds(*SPEEDS_KMH), lab.positions(BILBAO), lab.rig(BILBAO)
+    speeds, positions, vehicle_track = lab.speeds(*SPEEDS_KMH), lab.positions(BILBAO), lab.vehicle_track(BILBAO)
     profiles = [lab.weld(name) for name in names]
-    rolled = [wheel_trajectory(np.array(p.x_m), scale * np.array(p.z_m), rig.wheel.radius_m) for p in profiles]
-    surfaces = rig.surfaces(rolled, speeds, positions)
-    span_m, static_n = rig.model.spacing_m, rig.wheel.static_load_n
+    rolled = [wheel_path_over(np.array(p.x_m), scale * np.array(p.z_m), vehicle_track.wheel.radius_m) for p in profiles]
+    peak_maps = vehicle_track.peak_maps(rolled, speeds, positions)
+    span_m, static_n = vehicle_track.model.spacing_m, vehicle_track.wheel.static_load_n
     return [
-        WeldMap(name, speeds, positions, span_m, static_n, surface)
-        for name, surface in zip(names, surfaces, strict=True)
+        WeldMap(name, speeds, positions, span_m, static_n, peak_map)
+        for name, peak_map in zip(names, peak_maps, strict=True)
     ]
 
 

@@ -78,7 +78,7 @@ class PoleModel:
         return _periodic_spline(fine, np.sqrt(np.abs(residues)) * np.exp(0.5j * phase), self.spacing_m, at_m)
 
     def propagation(self, at_m: FloatArray, dt_s: float) -> Propagation:
-        """A step of `dt_s` of the states q_k' = p_k q_k + shape_k f; see `weld_force_ros.physics.passage.state_space`."""
+        """A step of `dt_s` of the states q_k' = p_k q_k + shape_k f, as in `physics.passage.state_space`."""
         decay, old, new = first_order_hold(self.poles_rad_s, dt_s)
         within = decay * new + old
         shape, drives = self._on_grid(at_m)

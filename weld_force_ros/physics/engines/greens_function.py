@@ -38,9 +38,9 @@ from weld_force_ros.errors import NumericalError
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.physics.passage import _kernel, lowpass
 from weld_force_ros.physics.passage.passage import History, checked_axis, checked_speeds
-from weld_force_ros.physics.passage.peak_map import Surface
+from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.wheel import Wheel
-from weld_force_ros.physics.passage.wheel_path import Trajectory
+from weld_force_ros.physics.passage.wheel_path import WheelPath
 from weld_force_ros.physics.track import beam
 from weld_force_ros.physics.track.beam import Track, Waves
 
@@ -88,8 +88,8 @@ class _Rolled:
     force_n: FloatArray
 
 
-class GreenRig:
-    """A wheel on the exact track: the same calls as `weld_force_ros.physics.passage.passage.Rig`, some thousand times slower."""
+class GreensFunctionModel:
+    """A wheel on the exact track: the calls of `VehicleTrackModel`, some thousand times slower."""
 
     def __init__(self, track: Track, wheel: Wheel) -> None:
         self.track = track
@@ -97,31 +97,31 @@ class GreenRig:
         self._physics = np.array([wheel.mass_kg, wheel.static_load_n, wheel.hertz_n_per_m15])
         self._remembered: dict[float, _Responses] = {}
 
-    def surface(
+    def peak_map(
         self,
-        trajectory: Trajectory,
+        wheel_path: WheelPath,
         speeds_kmh: ArrayLike,
         positions_m: ArrayLike,
         *,
         low_passed: bool = False,
         on_speed: Callable[[], None] = lambda: None,
-    ) -> Surface:
-        """As `Rig.surface`."""
-        return self.surfaces([trajectory], speeds_kmh, positions_m, low_passed=low_passed, on_speed=on_speed)[0]
+    ) -> PeakMap:
+        """As `VehicleTrackModel.peak_map`."""
+        return self.peak_maps([wheel_path], speeds_kmh, positions_m, low_passed=low_passed, on_speed=on_speed)[0]
 
-    def surfaces(
+    def peak_maps(
         self,
-        trajectories: list[Trajectory],
+        wheel_paths: list[WheelPath],
         speeds_kmh: ArrayLike,
         positions_m: ArrayLike,
         *,
         low_passed: bool = False,
         on_speed: Callable[[], None] = lambda: None,
-    ) -> list[Surface]:
-        """Surfaces of several welds, which share the responses of each speed; arguments and errors as `Rig.surface`."""
+    ) -> list[PeakMap]:
+        """Peak maps of several welds, which share the responses of each speed; see `VehicleTrackModel.peak_map`."""
         speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
         filters = len(lowpass.CUTOFFS_HZ) if low_passed else 0
-        results = np.empty((len(trajectories), len(speeds), len(positions), 4 + filters))
+        results = np.empty((len(wheel_paths), len(speeds), len(positions), 4 + filters))
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             for row, speed in enumerate(speeds):
                 responses = self._responses(speed, pool)
@@ -130,42 +130,42 @@ class GreenRig:
                     cell: tuple[int, int], responses: _Responses = responses, row: int = row, speed: float = speed
                 ) -> None:
                     weld, column = cell
-                    rolled = self._over(responses, trajectories[weld], speed, positions[column])
+                    rolled = self._over(responses, wheel_paths[weld], speed, positions[column])
                     results[weld, row, column, :4] = _peak(rolled, responses.dt)
                     if low_passed:
                         results[weld, row, column, 4:] = _greatest_low_passed(rolled, responses.dt)
 
-                list(pool.map(peak, np.ndindex(len(trajectories), len(positions))))
+                list(pool.map(peak, np.ndindex(len(wheel_paths), len(positions))))
                 on_speed()
         if not np.all(np.isfinite(results)):
             raise NumericalError("a passage did not stay finite; the reference cannot follow this track")
-        return [Surface.of(weld) for weld in results]
+        return [PeakMap.of(weld) for weld in results]
 
-    def history(self, trajectory: Trajectory, speed_kmh: float, position_m: float, *, until_m: float = 0.0) -> History:
-        """As `Rig.history`."""
+    def history(self, wheel_path: WheelPath, speed_kmh: float, position_m: float, *, until_m: float = 0.0) -> History:
+        """As `VehicleTrackModel.history`."""
         speed, position = float(checked_speeds(speed_kmh)[0]), float(checked_axis("position", position_m)[0])
         span = self.track.spacing_m
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             responses = self._responses(speed, pool)
-        last = max(position + trajectory.end_m + span, until_m)
-        rolled = self._roll(responses, trajectory, position, position + trajectory.start_m - span, last)
+        last = max(position + wheel_path.end_m + span, until_m)
+        rolled = self._roll(responses, wheel_path, position, position + wheel_path.start_m - span, last)
         force, wheel, rail = rolled.columns.T
         return History(rolled.x_m, force, -wheel, -rail, rolled.irregularity_m)
 
-    def _over(self, responses: _Responses, trajectory: Trajectory, speed_kmh: float, position_m: float) -> _Rolled:
-        first, last = position_m + trajectory.start_m, position_m + trajectory.end_m
+    def _over(self, responses: _Responses, wheel_path: WheelPath, speed_kmh: float, position_m: float) -> _Rolled:
+        first, last = position_m + wheel_path.start_m, position_m + wheel_path.end_m
         last += max(self.track.spacing_m, RUN_OUT_S * speed_kmh / 3.6)
-        return self._roll(responses, trajectory, position_m, first, last)
+        return self._roll(responses, wheel_path, position_m, first, last)
 
     def _roll(
-        self, responses: _Responses, trajectory: Trajectory, position_m: float, first_m: float, last_m: float
+        self, responses: _Responses, wheel_path: WheelPath, position_m: float, first_m: float, last_m: float
     ) -> _Rolled:
         step_m = self.track.spacing_m / responses.grid
         memory, settling = responses.rows.shape[1], int(np.ceil(LEAD_IN_S / responses.dt))
         first = int(np.floor(first_m / step_m))
         begin = first - settling - memory
         x = step_m * np.arange(begin, int(np.ceil(last_m / step_m)) + 1)
-        irregularity = trajectory.at(x - position_m)
+        irregularity = wheel_path.at(x - position_m)
         columns = np.empty((len(x), 3))
         _kernel.passage_by_convolution(
             responses.rows, responses.nodes, responses.weights, begin, memory, -irregularity, self._physics,

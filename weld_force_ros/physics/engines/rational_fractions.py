@@ -102,7 +102,7 @@ class RfpModel:
         return np.concatenate([b[:, -1:] / a[:, -1:], -_inputs(a, b)[:, :-1]], axis=1)
 
     def propagation(self, at_m: FloatArray, dt_s: float) -> Propagation:
-        """A step of `dt_s` from each of the equidistant points `at_m`; see `weld_force_ros.physics.passage.state_space`."""
+        """A step of `dt_s` from each of the equidistant points `at_m`, as in `physics.passage.state_space`."""
         rates, inputs = self.state_space(at_m + 0.5 * self.spacing_m / len(at_m))
         dt = self.scale_rad_s * dt_s
         return dense_propagation(rates * dt, inputs * dt, self.at_rest(at_m[:1])[0])

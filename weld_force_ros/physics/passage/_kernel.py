@@ -98,7 +98,9 @@ def _meet(rail, wheel, shape, gain, irregularity, physics, dt):
 
 
 @compiled(nogil=True, fastmath=_FAST)
-def approach(rail, wheel, decay, transitions, drives, shapes, gains, physics, dt, tolerance, most_spans, states):
+def settle_to_periodic(
+    rail, wheel, decay, transitions, drives, shapes, gains, physics, dt, tolerance, most_spans, states
+):
     """Roll over smooth rail, span by span, until the force repeats; the last span's states are kept.
 
     `rail`, `wheel`: state at grid point 0, changed in place. `states` (n_grid, n_state + 3): state at each point of the
@@ -183,7 +185,7 @@ def peaks_at_speed(
     `beginnings` (n_position, n_state + 3): that state. A passage's weld is behind after `ends[i]` steps; it ends when a
     `window` of steps has seen the echo fade, at the latest after `run_out` steps more. `smooth` (n_grid,): the force on
     smooth rail; an echo below `negligible` (N) is not waited for. `irregularities` (n_position, n): from the start on,
-    zero beyond. Filters as `weld_force_ros.physics.passage.lowpass.LowPass` has them: `filter_decay` and `filter_shapes`
+    zero beyond. Filters as `physics.passage.lowpass.LowPass` has them: `filter_decay` and `filter_shapes`
     (2, n_filter, n_pole), `filter_gains` and `filter_floors` (n_filter,), `filter_smooth` (n_filter, n_grid). A passage
     goes on for them, its other results unchanged.
 
@@ -328,7 +330,7 @@ def peaks_in_lanes(
     departures = np.empty((_LOOK + 1) * LANES)
     smooth_high, smooth_low = np.empty(SPEEDS), np.empty(SPEEDS)
     rail, found = np.empty(states * LANES), np.empty(11 * LANES)
-    looks, rolling, ended = np.empty(LANES, np.int64), np.empty(LANES, np.bool_), np.empty(LANES, np.bool_)
+    looks, steady_state, ended = np.empty(LANES, np.int64), np.empty(LANES, np.bool_), np.empty(LANES, np.bool_)
     zero, one, two, three = splat(0.0), splat(1.0), splat(2.0), splat(3.0)
     one_single, two_single, three_single = single(one), single(two), single(three)
     half, third, tiny = splat(0.5), splat(1.0 / 3.0), single(splat(1e-30))
@@ -348,7 +350,7 @@ def peaks_in_lanes(
         place, apart, bend, echo = zero, zero, zero, zero
         for lane in range(LANES):
             looks[lane] = ends[i, lane // SPEEDS] + windows[company, lane]
-            rolling[lane], ended[lane] = True, False
+            steady_state[lane], ended[lane] = True, False
         left = LANES
         j, k = starts[i, 0] % grid, starts[i, 1] % grid
         for p in range(2 * filters * modes):
@@ -436,7 +438,7 @@ def peaks_in_lanes(
             store(found, 10, force)
             renewed = False
             for lane in range(LANES):
-                if not rolling[lane] or n < looks[lane]:
+                if not steady_state[lane] or n < looks[lane]:
                     continue
                 highest, lowest, heard_there = found[LANES + lane], found[6 * LANES + lane], found[7 * LANES + lane]
                 speed, end = lane % SPEEDS, ends[i, lane // SPEEDS]
@@ -454,7 +456,7 @@ def peaks_in_lanes(
                     highest, floor = levels[(5 * q + 3) * LANES + lane], filter_floors[company, q, lane]
                     faded = faded and _beneath(heard_there, highest, floor, negligible, a_span_behind)
                 if ended[lane] and (faded or run_out_over):
-                    rolling[lane] = False
+                    steady_state[lane] = False
                     left -= 1
                     results[i, lane, 5] = n
                     if not np.isfinite(found[8 * LANES + lane]):

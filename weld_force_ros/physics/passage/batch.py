@@ -18,8 +18,8 @@ from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage import _kernel
 from weld_force_ros.physics.passage._simd import LANES, SPEEDS
 from weld_force_ros.physics.passage.lowpass import ORDER, LowPass, greatest, low_pass
-from weld_force_ros.physics.passage.steady_state import Roller, Rolling
-from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, Trajectory
+from weld_force_ros.physics.passage.steady_state import SteadyState, SteadyStateSolver
+from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, WheelPath
 
 ECHO_S = 0.0125
 RUN_OUT_S = 0.3
@@ -33,7 +33,7 @@ Asked = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Approaches:
+class PassageStarts:
     """Places, each a weld at a position, in steps of a stride.
 
     Attributes:
@@ -47,37 +47,39 @@ class Approaches:
     irregularity_m: FloatArray
 
 
-def approaches(roller: Roller, trajectories: Sequence[Trajectory], positions_m: FloatArray, stride: int) -> Approaches:
+def passage_starts(
+    solver: SteadyStateSolver, wheel_paths: Sequence[WheelPath], positions_m: FloatArray, stride: int
+) -> PassageStarts:
     """Where the passages over welds, each at `positions_m` (n_position,), begin and end, and what they roll over."""
-    each = [_approach(roller, trajectory, positions_m, stride) for trajectory in trajectories]
+    each = [_approach(solver, wheel_path, positions_m, stride) for wheel_path in wheel_paths]
     longest = max(one.irregularity_m.shape[1] for one in each)
     heights = np.zeros((len(each), len(positions_m), longest))
     for rows, one in zip(heights, each, strict=True):
         rows[:, : one.irregularity_m.shape[1]] = one.irregularity_m
-    return Approaches(
+    return PassageStarts(
         np.concatenate([one.starts for one in each]),
         np.concatenate([one.ends for one in each]),
         heights.reshape(-1, longest),
     )
 
 
-def _approach(roller: Roller, trajectory: Trajectory, positions_m: FloatArray, stride: int) -> Approaches:
-    first_m, last_m = trajectory.uneven_m
-    starts = np.array([roller.start(position + first_m) for position in positions_m])
-    step_m = stride * roller.grid_m
-    ends = np.ceil((positions_m + last_m - starts * roller.grid_m) / step_m).astype(np.int64)
+def _approach(solver: SteadyStateSolver, wheel_path: WheelPath, positions_m: FloatArray, stride: int) -> PassageStarts:
+    first_m, last_m = wheel_path.nonzero_extent_m
+    starts = np.array([solver.start(position + first_m) for position in positions_m])
+    step_m = stride * solver.grid_m
+    ends = np.ceil((positions_m + last_m - starts * solver.grid_m) / step_m).astype(np.int64)
     heights = np.empty((len(positions_m), int(ends.max()) + 1))
     _kernel.sampled(
-        trajectory.spline.c, RESAMPLED_STEP_M, trajectory.start_m, starts * roller.grid_m - positions_m, step_m, heights
+        wheel_path.spline.c, RESAMPLED_STEP_M, wheel_path.start_m, starts * solver.grid_m - positions_m, step_m, heights
     )
-    return Approaches(starts, ends, -heights)
+    return PassageStarts(starts, ends, -heights)
 
 
 class Batch(Protocol):
     """Speeds of one stride."""
 
     def peaks(
-        self, places: Approaches, asked: Asked, pool: Executor, threads: int, cutoffs_hz: tuple[float, ...] = ()
+        self, places: PassageStarts, asked: Asked, pool: Executor, threads: int, cutoffs_hz: tuple[float, ...] = ()
     ) -> FloatArray:
         """Passages that are asked for.
 
@@ -95,50 +97,50 @@ class Batch(Protocol):
         """
 
 
-def make_batch(roller: Roller, speeds_kmh: FloatArray, stride: int, pool: Executor) -> Batch:
+def make_batch(solver: SteadyStateSolver, speeds_kmh: FloatArray, stride: int, pool: Executor) -> Batch:
     """Tables for some speeds.
 
     Raises:
         NumericalError: the force on smooth rail does not settle at a speed.
     """
 
-    def paced(speed_kmh: float) -> _Paced:
-        window = roller.steps(stride, ECHO_S * speed_kmh / 3.6)
-        run_out = roller.steps(stride, max(roller.model.spacing_m, RUN_OUT_S * speed_kmh / 3.6))
-        return _Paced(roller.rolling(speed_kmh, stride), window, run_out)
+    def paced(speed_kmh: float) -> _SpeedTables:
+        window = solver.steps(stride, ECHO_S * speed_kmh / 3.6)
+        run_out = solver.steps(stride, max(solver.model.spacing_m, RUN_OUT_S * speed_kmh / 3.6))
+        return _SpeedTables(solver.steady_state(speed_kmh, stride), window, run_out)
 
     speeds = list(pool.map(paced, speeds_kmh.tolist()))
-    dense = len(speeds[0].rolling.step.transitions) > 0
-    return _SideBySide(roller, speeds) if SIDE_BY_SIDE and not dense else _OneByOne(roller, speeds)
+    dense = len(speeds[0].steady_state.step.transitions) > 0
+    return SimdBatch(solver, speeds) if SIDE_BY_SIDE and not dense else ScalarBatch(solver, speeds)
 
 
 @dataclass(frozen=True)
-class _Paced:
+class _SpeedTables:
     """A speed, with the window in which an echo is listened for and the longest run-out, in steps."""
 
-    rolling: Rolling
+    steady_state: SteadyState
     window: int
     run_out: int
 
 
-class _SideBySide:
+class SimdBatch:
     """Companies of `SPEEDS` speeds, their tables interleaved lane by lane; each rolls at two places at a time."""
 
-    def __init__(self, roller: Roller, speeds: list[_Paced]) -> None:
-        self._roller, self._stride = roller, speeds[0].rolling.stride
-        self._filters = cache(lambda cutoffs_hz: _filters_and_lanes(roller, speeds, cutoffs_hz))
-        self._drives = speeds[0].rolling.step.drives
-        steps = [speed.rolling.step for speed in speeds]
+    def __init__(self, solver: SteadyStateSolver, speeds: list[_SpeedTables]) -> None:
+        self._roller, self._stride = solver, speeds[0].steady_state.stride
+        self._filters = cache(lambda cutoffs_hz: _filters_and_lanes(solver, speeds, cutoffs_hz))
+        self._drives = speeds[0].steady_state.step.drives
+        steps = [speed.steady_state.step for speed in speeds]
         self._decay, self._turn = _lanes([step.decay for step in steps]), _lanes([step.turn for step in steps])
-        self._dts = _lanes([speed.rolling.dt_s for speed in speeds])
+        self._dts = _lanes([speed.steady_state.dt_s for speed in speeds])
         self._windows = _lanes([speed.window for speed in speeds])
         self._run_outs = _lanes([speed.run_out for speed in speeds])
-        self._gains = _companies([step.gains for step in steps])
-        self._smooth = _companies([speed.rolling.smooth_n for speed in speeds])
-        self._states = _companies([speed.rolling.states for speed in speeds])
+        self._gains = _speed_blocks([step.gains for step in steps])
+        self._smooth = _speed_blocks([speed.steady_state.smooth_n for speed in speeds])
+        self._states = _speed_blocks([speed.steady_state.states for speed in speeds])
 
     def peaks(
-        self, places: Approaches, asked: Asked, pool: Executor, threads: int, cutoffs_hz: tuple[float, ...] = ()
+        self, places: PassageStarts, asked: Asked, pool: Executor, threads: int, cutoffs_hz: tuple[float, ...] = ()
     ) -> FloatArray:
         """See `Batch`."""
         filters, lanes = self._filters(cutoffs_hz)
@@ -161,7 +163,7 @@ class _SideBySide:
 
     def _roll(
         self,
-        places: Approaches,
+        places: PassageStarts,
         lanes: "_FilterLanes",
         columns: int,
         companies: NDArray[np.intp],
@@ -184,15 +186,15 @@ class _SideBySide:
         return results.reshape(len(share), 2, SPEEDS, -1)
 
 
-class _OneByOne:
+class ScalarBatch:
     """Any states, passage after passage."""
 
-    def __init__(self, roller: Roller, speeds: list[_Paced]) -> None:
-        self._roller, self._speeds = roller, speeds
-        self._filters = cache(lambda cutoffs_hz: _filters(roller, speeds, cutoffs_hz))
+    def __init__(self, solver: SteadyStateSolver, speeds: list[_SpeedTables]) -> None:
+        self._roller, self._speeds = solver, speeds
+        self._filters = cache(lambda cutoffs_hz: _filters(solver, speeds, cutoffs_hz))
 
     def peaks(
-        self, places: Approaches, asked: Asked, pool: Executor, threads: int, cutoffs_hz: tuple[float, ...] = ()
+        self, places: PassageStarts, asked: Asked, pool: Executor, threads: int, cutoffs_hz: tuple[float, ...] = ()
     ) -> FloatArray:
         """See `Batch`."""
         filters = self._filters(cutoffs_hz)
@@ -202,24 +204,25 @@ class _OneByOne:
         rolled = pool.map(partial(self._roll, places, filters), rows, columns)
         for row, own, results in zip(rows, columns, rolled, strict=True):
             found[row, own] = results
-        return _ended(filters, places.starts // self._speeds[0].rolling.stride, found)
+        return _ended(filters, places.starts // self._speeds[0].steady_state.stride, found)
 
-    def _roll(self, places: Approaches, filters: LowPass, row: int, columns: NDArray[np.intp]) -> FloatArray:
+    def _roll(self, places: PassageStarts, filters: LowPass, row: int, columns: NDArray[np.intp]) -> FloatArray:
         speed, starts = self._speeds[row], places.starts[columns]
-        rolling, step = speed.rolling, speed.rolling.step
+        steady_state, step = speed.steady_state, speed.steady_state.step
         results = np.empty((len(columns), _columns(filters)))
         _kernel.peaks_at_speed(
-            np.stack([self._roller.beginning(rolling, start) for start in starts]), step.decay, step.transitions,
-            step.drives, step.shapes, step.gains, starts // rolling.stride, places.ends[columns], speed.window,
-            speed.run_out, rolling.smooth_n, _negligible_n(self._roller), places.irregularity_m[columns],
-            self._roller.physics, rolling.dt_s, filters.decay[row], filters.shapes[row], filters.gains[row],
+            np.stack([self._roller.initial_state(steady_state, start) for start in starts]),
+            step.decay, step.transitions, step.drives, step.shapes, step.gains,
+            starts // steady_state.stride, places.ends[columns], speed.window, speed.run_out,
+            steady_state.smooth_n, _negligible_n(self._roller), places.irregularity_m[columns],
+            self._roller.physics, steady_state.dt_s, filters.decay[row], filters.shapes[row], filters.gains[row],
             filters.smooth_n[row], filters.floors_n[row], results,
         )  # fmt: skip
         return results
 
 
-def _negligible_n(roller: Roller) -> float:
-    return NEGLIGIBLE * roller.wheel.static_load_n
+def _negligible_n(solver: SteadyStateSolver) -> float:
+    return NEGLIGIBLE * solver.wheel.static_load_n
 
 
 class _FilterLanes(NamedTuple):
@@ -238,19 +241,19 @@ def _columns(filters: LowPass) -> int:
     return _UNFILTERED + (count * (1 + ORDER) + 3 if count else 0)
 
 
-def _filters(roller: Roller, speeds: list[_Paced], cutoffs_hz: tuple[float, ...]) -> LowPass:
-    return low_pass([speed.rolling for speed in speeds], roller.wheel.mass_kg, cutoffs_hz)
+def _filters(solver: SteadyStateSolver, speeds: list[_SpeedTables], cutoffs_hz: tuple[float, ...]) -> LowPass:
+    return low_pass([speed.steady_state for speed in speeds], solver.wheel.mass_kg, cutoffs_hz)
 
 
 def _filters_and_lanes(
-    roller: Roller, speeds: list[_Paced], cutoffs_hz: tuple[float, ...]
+    solver: SteadyStateSolver, speeds: list[_SpeedTables], cutoffs_hz: tuple[float, ...]
 ) -> tuple[LowPass, _FilterLanes]:
-    filters = _filters(roller, speeds, cutoffs_hz)
+    filters = _filters(solver, speeds, cutoffs_hz)
     lanes = _FilterLanes(
         _lanes([*filters.decay]),
         _lanes([*filters.shapes]),
         _lanes([*filters.gains]),
-        _companies([*filters.smooth_n]),
+        _speed_blocks([*filters.smooth_n]),
         _lanes([*filters.floors_n]),
     )
     return filters, lanes
@@ -265,7 +268,7 @@ def _ended(filters: LowPass, starts: Steps, found: FloatArray) -> FloatArray:
     return found[:, :, :shown]
 
 
-def _companies(arrays: Sequence[ArrayLike]) -> NDArray[Any]:
+def _speed_blocks(arrays: Sequence[ArrayLike]) -> NDArray[Any]:
     """(n_company, ..., SPEEDS): speeds along a last axis; the last one fills what is left."""
     filled = [np.asarray(array) for array in arrays] + [np.asarray(arrays[-1])] * (-len(arrays) % SPEEDS)
     return np.stack([np.stack(filled[k : k + SPEEDS], axis=-1) for k in range(0, len(filled), SPEEDS)])
@@ -273,5 +276,5 @@ def _companies(arrays: Sequence[ArrayLike]) -> NDArray[Any]:
 
 def _lanes(arrays: Sequence[ArrayLike]) -> NDArray[Any]:
     """(n_company, ..., LANES): each speed twice, once for either place of a pair."""
-    companies = _companies(arrays)
+    companies = _speed_blocks(arrays)
     return np.concatenate([companies, companies], axis=-1)

@@ -5,12 +5,12 @@ Causal Butterworth filters of the fourth order, 24 dB an octave: at 120 Hz, whic
 
     H(s) = w^4 / prod(s - p_k) = sum of r_k / (s - p_k),
 
-and steps as `weld_force_ros.physics.passage.state_space` does: without its newest force and scaled by E b + a, a state is
+and steps as `physics.passage.state_space` does: without its newest force and scaled by E b + a, a state is
 u[n+1] = E u[n] + f[n], and y[n] = Re(C u[n]) + g f[n] with C = 2 r (E b + a) and g = Re(sum of 2 r b). Its f is the
 force's departure from the smooth rail's; what the smooth rail leaves of itself is periodic, known, and added.
 
 A filter above the wheelset's resonance on the track lets the weld's echo pass: for it a passage goes on until the echo
-can no longer exceed what was seen (`weld_force_ros.physics.passage._kernel`). Below, the echo is swift, and all that the filter
+can no longer exceed what was seen (`physics.passage._kernel`). Below, the echo is swift, and all that the filter
 will still notice of it is in the wheel: M v' = -f for departures from smooth rail, so that the rest of f amounts to an
 impulse M v with the moment -M w about the end. A state q = (E b + a) u + b f goes on as (q + M (v + p w)) e^(p t), and
 the greatest may come then, after the passage.
@@ -25,7 +25,7 @@ from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.physics.passage.state_space import first_order_hold
-from weld_force_ros.physics.passage.steady_state import Rolling
+from weld_force_ros.physics.passage.steady_state import SteadyState
 
 WHEELSET_HZ = 57.0  # its lowest resonance on the track
 BETWEEN_RESONANCES_HZ = 120.0  # that one and the next, some 250 Hz
@@ -46,7 +46,7 @@ class LowPass(NamedTuple):
         smooth_greatest_n: (n_speed, n_filter), of it.
         floors_n: (n_speed, n_filter), the level that an echo still rises from, for filters that let it pass: greatest
             on smooth rail; minus infinity for slow filters, which no passage goes on for.
-        smooth_wheel: (n_speed, n_grid, 3), as `Rolling`.
+        smooth_wheel: (n_speed, n_grid, 3), as `SteadyState`.
         later: (n_speed, ORDER n_filter + 3, n_filter, n_time), departure after a passage per state u, then per
             displacement, velocity and force of the wheel; zero where the passage itself goes on for the filter.
         steps: (n_speed, n_filter, n_time), when that is, in steps after the end.
@@ -63,14 +63,14 @@ class LowPass(NamedTuple):
     steps: NDArray[np.int64]
 
 
-def low_pass(rollings: Sequence[Rolling], mass_kg: float, cutoffs_hz: tuple[float, ...]) -> LowPass:
+def low_pass(rollings: Sequence[SteadyState], mass_kg: float, cutoffs_hz: tuple[float, ...]) -> LowPass:
     """Filters for a wheel of `mass_kg` at several speeds of one stride."""
-    dt = np.array([rolling.dt_s for rolling in rollings])[:, None, None]
+    dt = np.array([steady_state.dt_s for steady_state in rollings])[:, None, None]
     poles, residues = _modes(cutoffs_hz)
     decay, old, new = first_order_hold(poles, dt)
     turn = decay * new + old
     shapes, gains = 2 * residues * turn, (2 * residues * new).real.sum(axis=2)
-    smooth_n = _periodic(decay, shapes, gains, np.stack([rolling.smooth_n for rolling in rollings]))
+    smooth_n = _periodic(decay, shapes, gains, np.stack([steady_state.smooth_n for steady_state in rollings]))
     cutoffs = np.array(cutoffs_hz)[:, None]
     steps = np.rint(_FADING / cutoffs * np.linspace(0.0, 1.0, _LATER) / dt).astype(np.int64)
     slow = cutoffs < WHEELSET_HZ
@@ -82,7 +82,7 @@ def low_pass(rollings: Sequence[Rolling], mass_kg: float, cutoffs_hz: tuple[floa
         smooth_n=smooth_n,
         smooth_greatest_n=smooth_n.max(axis=2),
         floors_n=np.where(slow[:, 0], -np.inf, smooth_n.max(axis=2)),
-        smooth_wheel=np.stack([rolling.smooth_wheel for rolling in rollings]),
+        smooth_wheel=np.stack([steady_state.smooth_wheel for steady_state in rollings]),
         later=np.concatenate([_of_states(turn, swing), _of_wheel(poles, new, mass_kg, swing)], axis=1),
         steps=steps,
     )

@@ -15,11 +15,11 @@ from weld_force_ros.errors import InputError, NumericalError
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage import _kernel
 from weld_force_ros.physics.passage.batch import ECHO_S
-from weld_force_ros.physics.passage.peak_map import TOLERANCE, Surface, SurfaceRoller, executor
+from weld_force_ros.physics.passage.peak_map import TOLERANCE, PeakMap, PeakMapSolver, executor
 from weld_force_ros.physics.passage.state_space import StateModel
-from weld_force_ros.physics.passage.steady_state import Roller
+from weld_force_ros.physics.passage.steady_state import SteadyStateSolver
 from weld_force_ros.physics.passage.wheel import Wheel
-from weld_force_ros.physics.passage.wheel_path import Trajectory
+from weld_force_ros.physics.passage.wheel_path import WheelPath
 
 _MOST_REMEMBERED = 64  # speeds, half a megabyte each
 _TOGETHER = 8  # welds
@@ -55,32 +55,32 @@ class Start:
     wheel: FloatArray
 
 
-class Rig:
+class VehicleTrackModel:
     """A wheel on a fitted track, ready to roll, on `threads` threads: one a core, if not given."""
 
     def __init__(self, model: StateModel, wheel: Wheel, *, threads: int | None = None) -> None:
         self.model = model
         self.wheel = wheel
-        self.roller = Roller(model, wheel)
+        self.solver = SteadyStateSolver(model, wheel)
         self._threads = threads or os.cpu_count() or 1
         # Histories are asked for at many positions of one speed.
-        self._in_shortest_steps = lru_cache(_MOST_REMEMBERED)(lambda speed_kmh: self.roller.rolling(speed_kmh, 1))
-        self._surfaces = SurfaceRoller(self.roller)
+        self._in_shortest_steps = lru_cache(_MOST_REMEMBERED)(lambda speed_kmh: self.solver.steady_state(speed_kmh, 1))
+        self._surfaces = PeakMapSolver(self.solver)
 
-    def surface(
+    def peak_map(
         self,
-        trajectory: Trajectory,
+        wheel_path: WheelPath,
         speeds_kmh: ArrayLike,
         positions_m: ArrayLike,
         *,
         low_passed: bool = False,
         tolerance: float = TOLERANCE,
         on_speed: Callable[[], None] = lambda: None,
-    ) -> Surface:
+    ) -> PeakMap:
         """Peak force, its place, least force and contact loss of every passage.
 
         Args:
-            trajectory: the wheel centre's trajectory over the weld.
+            wheel_path: the wheel centre's trajectory over the weld.
             speeds_kmh: (n_speed,), positive.
             positions_m: (n_position,), the weld's centre after the sleeper.
             low_passed: also the greatest forces through the filters of `weld_force_ros.physics.passage.lowpass`.
@@ -93,26 +93,26 @@ class Rig:
         """
         speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
         return self._surfaces.roll(
-            [trajectory], speeds, positions, self._threads, on_speed, low_passed=low_passed, tolerance=tolerance
+            [wheel_path], speeds, positions, self._threads, on_speed, low_passed=low_passed, tolerance=tolerance
         )[0]
 
-    def surfaces(
+    def peak_maps(
         self,
-        trajectories: Iterable[Trajectory],
+        wheel_paths: Iterable[WheelPath],
         speeds_kmh: ArrayLike,
         positions_m: ArrayLike,
         *,
         low_passed: bool = False,
         tolerance: float = TOLERANCE,
-    ) -> Iterator[Surface]:
-        """`surface` of many welds, in their order: some at a time on each thread, and few more are held than that.
+    ) -> Iterator[PeakMap]:
+        """`peak_map` of many welds, in their order: some at a time on each thread, and few more are held than that.
 
         Args:
-            trajectories: taken as they are needed.
+            wheel_paths: taken as they are needed.
             speeds_kmh: (n_speed,), positive.
             positions_m: (n_position,), the weld's centre after the sleeper.
-            low_passed: as of `surface`.
-            tolerance: as of `surface`.
+            low_passed: as of `peak_map`.
+            tolerance: as of `peak_map`.
 
         Raises:
             InputError: a speed that is not positive, or anything that is not finite.
@@ -121,15 +121,15 @@ class Rig:
         speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
         roll = partial(self._surfaces.roll, low_passed=low_passed, tolerance=tolerance)
         with executor(self._threads) as pool:
-            waiting: deque[Future[list[Surface]]] = deque()
-            for some in _some_at_a_time(trajectories, self._threads):
+            waiting: deque[Future[list[PeakMap]]] = deque()
+            for some in _some_at_a_time(wheel_paths, self._threads):
                 waiting.append(pool.submit(roll, some, speeds, positions, 1))
                 if len(waiting) > self._threads:
                     yield from waiting.popleft().result()
             for rolled in waiting:
                 yield from rolled.result()
 
-    def history(self, trajectory: Trajectory, speed_kmh: float, position_m: float, *, until_m: float = 0.0) -> History:
+    def history(self, wheel_path: WheelPath, speed_kmh: float, position_m: float, *, until_m: float = 0.0) -> History:
         """One passage in the shortest steps, from a span before the weld to a span after it, or to `until_m` if later.
 
         Raises:
@@ -137,39 +137,39 @@ class Rig:
             NumericalError: the passage did not stay finite.
         """
         speed_kmh, position_m = float(checked_speeds(speed_kmh)[0]), float(checked_axis("position", position_m)[0])
-        roller, span = self.roller, self.model.spacing_m
-        rolling = self._in_shortest_steps(speed_kmh)
-        start = roller.start(position_m + trajectory.start_m - span)
-        last_m = max(position_m + trajectory.end_m + span, until_m)
-        steps = roller.steps(1, last_m - start * roller.grid_m) + 1
-        x = (start + np.arange(steps)) * roller.grid_m
-        irregularity = trajectory.at(x - position_m)
-        state, step = roller.beginning(rolling, start), rolling.step
+        solver, span = self.solver, self.model.spacing_m
+        steady_state = self._in_shortest_steps(speed_kmh)
+        start = solver.start(position_m + wheel_path.start_m - span)
+        last_m = max(position_m + wheel_path.end_m + span, until_m)
+        steps = solver.steps(1, last_m - start * solver.grid_m) + 1
+        x = (start + np.arange(steps)) * solver.grid_m
+        irregularity = wheel_path.at(x - position_m)
+        state, step = solver.initial_state(steady_state, start), steady_state.step
         result = np.empty((steps, 3))
         _kernel.history_of_passage(
             state[:-3], state[-3:], step.decay, step.transitions, step.drives, step.shapes, step.gains, start,
-            -irregularity, roller.physics, rolling.dt_s, result,
+            -irregularity, solver.physics, steady_state.dt_s, result,
         )  # fmt: skip
         if not np.all(np.isfinite(result)):
             raise NumericalError("the passage did not stay finite; the fit of this track cannot be used at that speed")
         return History(x, result[:, 0], -result[:, 1], -result[:, 2], irregularity)
 
-    def start(self, trajectory: Trajectory, speed_kmh: float, position_m: float) -> Start:
-        """The state in which a passage of `surface` begins, in the kernel's own scaling and its shortest step."""
-        rolling = self._in_shortest_steps(speed_kmh)
-        first_m, end_m = trajectory.uneven_m
-        first = self.roller.start(position_m + first_m)
-        state = self.roller.beginning(rolling, first)
+    def start(self, wheel_path: WheelPath, speed_kmh: float, position_m: float) -> Start:
+        """The state in which a passage of `peak_map` begins, in the kernel's own scaling and its shortest step."""
+        steady_state = self._in_shortest_steps(speed_kmh)
+        first_m, end_m = wheel_path.nonzero_extent_m
+        first = self.solver.start(position_m + first_m)
+        state = self.solver.initial_state(steady_state, first)
         last_m = position_m + end_m + 2 * ECHO_S * speed_kmh / 3.6
-        return Start(first * self.roller.grid_m, last_m, rolling.dt_s, state[:-3], state[-3:])
+        return Start(first * self.solver.grid_m, last_m, steady_state.dt_s, state[:-3], state[-3:])
 
 
-def _some_at_a_time(trajectories: Iterable[Trajectory], threads: int) -> Iterator[list[Trajectory]]:
+def _some_at_a_time(wheel_paths: Iterable[WheelPath], threads: int) -> Iterator[list[WheelPath]]:
     """Enough to fill each other's lanes; of few welds fewer, so that each thread has some."""
     some = _TOGETHER
-    if isinstance(trajectories, Sized):
-        some = min(some, max(1, len(trajectories) // (2 * threads)))
-    remaining = iter(trajectories)
+    if isinstance(wheel_paths, Sized):
+        some = min(some, max(1, len(wheel_paths) // (2 * threads)))
+    remaining = iter(wheel_paths)
     while together := list(islice(remaining, some)):
         yield together
 

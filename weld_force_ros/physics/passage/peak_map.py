@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from weld_force_ros.errors import NumericalError
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.batch import Batch, approaches, make_batch
+from weld_force_ros.physics.passage.batch import Batch, make_batch, passage_starts
 from weld_force_ros.physics.passage.lowpass import CUTOFFS_HZ
-from weld_force_ros.physics.passage.steady_state import Roller
-from weld_force_ros.physics.passage.wheel_path import Trajectory
+from weld_force_ros.physics.passage.steady_state import SteadyStateSolver
+from weld_force_ros.physics.passage.wheel_path import WheelPath
 
 TOLERANCE = 5e-4  # of the peak force
 _ESTIMATE = 1 / 12  # of the second difference: a linear force's mean distance from a parabola, over a step
@@ -32,7 +32,7 @@ _MOST_REMEMBERED = 16  # batches: a map's and its curve's; up to 10 MB each, den
 
 
 @dataclass(frozen=True)
-class Surface:
+class PeakMap:
     """Results over speed and position, each (n_speed, n_position).
 
     `low_passed_n`, if asked for: (2, n_speed, n_position), greatest force through the filters of
@@ -46,23 +46,23 @@ class Surface:
     low_passed_n: FloatArray | None = None
 
     @classmethod
-    def of(cls, results: FloatArray) -> "Surface":
+    def of(cls, results: FloatArray) -> "PeakMap":
         """From (n_speed, n_position, n_column): the fields in their order, each filter a column, or none."""
         peak_n, peak_x_m, least_n, loss_s, *low_passed = np.moveaxis(results, 2, 0)
         return cls(peak_n, peak_x_m, least_n, loss_s, np.stack(low_passed) if low_passed else None)
 
 
-class SurfaceRoller:
+class PeakMapSolver:
     """Rolls passages over welds; what depends on the speed alone is remembered from weld to weld."""
 
-    def __init__(self, roller: Roller) -> None:
-        self._roller = roller
+    def __init__(self, solver: SteadyStateSolver) -> None:
+        self._roller = solver
         self._remembered: dict[tuple[int, bytes], Batch] = {}
         self._remembering = threading.Lock()
 
     def roll(
         self,
-        trajectories: Sequence[Trajectory],
+        wheel_paths: Sequence[WheelPath],
         speeds_kmh: FloatArray,
         positions_m: FloatArray,
         threads: int,
@@ -70,25 +70,25 @@ class SurfaceRoller:
         *,
         low_passed: bool = False,
         tolerance: float = TOLERANCE,
-    ) -> list[Surface]:
-        """See `weld_force_ros.physics.passage.passage.Rig.surface`; of several welds, which fill each other's lanes."""
+    ) -> list[PeakMap]:
+        """See `VehicleTrackModel.peak_map`; of several welds, which fill each other's lanes."""
         order = np.argsort(speeds_kmh)  # neighbours roll together, as they take as long
         cutoffs_hz = CUTOFFS_HZ if low_passed else ()
-        places = len(trajectories) * len(positions_m)
+        places = len(wheel_paths) * len(positions_m)
         results = np.empty((len(speeds_kmh), places, _UNFILTERED + len(cutoffs_hz)))
         with executor(threads) as pool:
             for first in range(0, len(order), _TOGETHER):
                 rows = order[first : first + _TOGETHER]
                 results[rows] = self._roll_together(
-                    trajectories, speeds_kmh[rows], positions_m, cutoffs_hz, tolerance, on_speed, pool, threads
+                    wheel_paths, speeds_kmh[rows], positions_m, cutoffs_hz, tolerance, on_speed, pool, threads
                 )
         if not np.all(np.isfinite(results)):
             raise NumericalError("a passage did not stay finite; the fit of this track cannot be used at that speed")
-        return [Surface.of(part) for part in np.split(results, len(trajectories), axis=1)]
+        return [PeakMap.of(part) for part in np.split(results, len(wheel_paths), axis=1)]
 
     def _roll_together(
         self,
-        trajectories: Sequence[Trajectory],
+        wheel_paths: Sequence[WheelPath],
         speeds_kmh: FloatArray,
         positions_m: FloatArray,
         cutoffs_hz: tuple[float, ...],
@@ -99,13 +99,13 @@ class SurfaceRoller:
     ) -> FloatArray:
         """(n_speed, n_place, 4 + n_filter), speeds increasing; each passage in the longest stride that serves it."""
         coarsest = np.array([self._roller.coarsest_stride(speed) for speed in speeds_kmh])
-        wanted = np.repeat(coarsest[:, None], len(trajectories) * len(positions_m), axis=1)
+        wanted = np.repeat(coarsest[:, None], len(wheel_paths) * len(positions_m), axis=1)
         results = np.empty((*wanted.shape, 6 + len(cutoffs_hz)))
         while wanted.any():
             stride = int(wanted.max())
             able = coarsest >= stride  # the same speeds whatever is asked, so that their tables serve again
             asked = wanted == stride
-            places = approaches(self._roller, trajectories, positions_m, stride)
+            places = passage_starts(self._roller, wheel_paths, positions_m, stride)
             batch = self._batch(stride, speeds_kmh[able], pool)
             found = batch.peaks(places, asked[able], pool, threads, cutoffs_hz)[asked[able]]
             found[:, 1] = (places.starts[np.nonzero(asked)[1]] + stride * found[:, 1]) * self._roller.grid_m

@@ -21,7 +21,7 @@ _MOST_SPANS = 1000
 
 
 @dataclass(frozen=True)
-class Rolling:
+class SteadyState:
     """A speed in steps of `stride` points of the grid.
 
     Attributes:
@@ -42,7 +42,7 @@ class Rolling:
     smooth_wheel: FloatArray
 
 
-class Roller:
+class SteadyStateSolver:
     """A wheel on a fitted track with a grid of contact points over the span."""
 
     def __init__(self, model: StateModel, wheel: Wheel) -> None:
@@ -69,7 +69,7 @@ class Roller:
             stride //= 2
         return stride
 
-    def rolling(self, speed_kmh: float, stride: int) -> Rolling:
+    def steady_state(self, speed_kmh: float, stride: int) -> SteadyState:
         """The state over smooth rail at a speed.
 
         Raises:
@@ -80,18 +80,18 @@ class Roller:
         step = self.model.propagation(step_m * np.arange(self.grid // stride), dt)
         rail, wheel = self._at_rest(step)
         states = np.empty((self.grid // stride, len(rail) + 3))
-        spans = _kernel.approach(
+        spans = _kernel.settle_to_periodic(
             rail, wheel, step.decay, step.transitions, step.drives, step.shapes, step.gains, self.physics, dt,
             _SETTLED * self.wheel.static_load_n, _MOST_SPANS, states,
         )  # fmt: skip
         if spans < 0:
             raise NumericalError(f"the force on smooth rail does not settle at {speed_kmh:g} km/h; fit the track anew")
         starts = states[:: self.longest_stride // stride].copy()
-        return Rolling(stride, dt, step, starts, states[:, -1].copy(), states[:, -3:].copy())
+        return SteadyState(stride, dt, step, starts, states[:, -1].copy(), states[:, -3:].copy())
 
-    def beginning(self, rolling: Rolling, start: int) -> FloatArray:
+    def initial_state(self, steady_state: SteadyState, start: int) -> FloatArray:
         """State at a start, (n_state + 3,)."""
-        return np.array(rolling.states[start // self.longest_stride % len(rolling.states)])
+        return np.array(steady_state.states[start // self.longest_stride % len(steady_state.states)])
 
     def _at_rest(self, step: Propagation) -> tuple[FloatArray, FloatArray]:
         """Static state over the sleeper: rail states, and displacement, velocity and force of the wheel."""

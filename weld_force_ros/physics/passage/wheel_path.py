@@ -23,7 +23,7 @@ JOIN_LENGTH_M = 0.5
 
 
 @dataclass(frozen=True)
-class Trajectory:
+class WheelPath:
     """Height of the wheel's centre over its height on smooth rail, m, positive up; zero outside the samples.
 
     Attributes:
@@ -42,7 +42,7 @@ class Trajectory:
         return self.start_m + RESAMPLED_STEP_M * (len(self.height_m) - 1)
 
     @cached_property
-    def uneven_m(self) -> tuple[float, float]:
+    def nonzero_extent_m(self) -> tuple[float, float]:
         """Where the height begins and ends to differ from zero, from the weld's centre; the first sample if nowhere."""
         uneven = np.flatnonzero(self.height_m)
         first, last = (uneven[0] - 1, uneven[-1] + 1) if len(uneven) else (0, 0)
@@ -59,7 +59,7 @@ class Trajectory:
         return CubicSpline(self.start_m + RESAMPLED_STEP_M * np.arange(len(self.height_m)), self.height_m)
 
 
-def wheel_trajectory(x_m: FloatArray, z_m: FloatArray, wheel_radius_m: float) -> Trajectory:
+def wheel_path_over(x_m: FloatArray, z_m: FloatArray, wheel_radius_m: float) -> WheelPath:
     """The wheel centre's trajectory over a profile.
 
     Args:
@@ -77,10 +77,10 @@ def wheel_trajectory(x_m: FloatArray, z_m: FloatArray, wheel_radius_m: float) ->
     surface = np.where(inside, PchipInterpolator(x, z)(np.clip(grid, x[0], x[-1])), 0.0)
     notes = (*join, f"resampled to {RESAMPLED_STEP_M * 1e3:g} mm by shape-preserving cubics",
              f"rolled over by a wheel of radius {wheel_radius_m:g} m")  # fmt: skip
-    return Trajectory(float(grid[0]), rolled_over(surface, RESAMPLED_STEP_M, wheel_radius_m), notes)
+    return WheelPath(float(grid[0]), dilated_by_wheel(surface, RESAMPLED_STEP_M, wheel_radius_m), notes)
 
 
-def rolled_over(surface_m: FloatArray, step_m: float, wheel_radius_m: float) -> FloatArray:
+def dilated_by_wheel(surface_m: FloatArray, step_m: float, wheel_radius_m: float) -> FloatArray:
     """Dilation of equidistant heights by the wheel's circle, same shape."""
     half = int(np.ceil(_reach(float(np.ptp(surface_m)), wheel_radius_m) / step_m))
     if half == 0:

@@ -32,12 +32,12 @@ from weld_force_ros.messages import (
 )
 from weld_force_ros.recording import MessageDefinition, Recorder
 from weld_force_ros.ros import qos, typed_messages
-from weld_force_ros.ros.contract_topics import Incoming, Messenger, Sample
+from weld_force_ros.ros.contract_topics import ContractTopics, Incoming, Sample
 from weld_force_ros.ros.diagnostics import TOPIC as DIAGNOSTICS_TOPIC
-from weld_force_ros.ros.lifecycle import CLOSE_S, ManagedNode
+from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
 from weld_force_ros.ros.nodes.outcome_ledger import Ledger, read_ledger
 from weld_force_ros.ros.type_definitions import message_definition
-from weld_force_ros.ros.worker import Gate, Worker
+from weld_force_ros.ros.worker import BackPressureGroup, Worker
 
 M = TypeVar("M", bound=Message)
 Follow = Callable[[M], None]
@@ -51,7 +51,7 @@ _LAST_MAPS_S = 2.0
 _MB = 1e6
 
 
-class AssessmentNode(ManagedNode):
+class AssessmentNode(LifecycleNodeBase):
     """Judges force maps and records, on one worker thread, in the order of arrival; each measurement once.
 
     What the node publishes itself is recorded before it is published, what others publish when it arrives. A
@@ -92,7 +92,7 @@ class AssessmentNode(ManagedNode):
         self._heard_s = self._judged_s = time.monotonic()
         self._verdicts = 0
         gate = self.gate
-        self.messenger = Messenger(self, [AssessmentSettings, Verdict, Rejection, Settled], self._record, gate)
+        self.messenger = ContractTopics(self, [AssessmentSettings, Verdict, Rejection, Settled], self._record, gate)
         self._resources.enter_context(self.messenger)
         if values["bag"]:
             self._begin_or_continue(Path(values["bag"]).expanduser(), values)
@@ -102,7 +102,7 @@ class AssessmentNode(ManagedNode):
             String, TOPICS[WeldProfile].name, qos.SENT_AGAIN, record=lambda _: None
         )
         self._worker: Worker[Callable[[], None]] = Worker(
-            "assessment", lambda item: item(), self.messenger.complain, on_room=self.wake
+            "assessment", lambda item: item(), self.messenger.report_problem, on_room=self.wake
         )
         self._resources.callback(self._worker.close, CLOSE_S)
         self._resources.callback(self._closing.set)
@@ -111,7 +111,7 @@ class AssessmentNode(ManagedNode):
         self._report()
         for kind in _FOREIGN:
             self.messenger.listen(kind, partial(self._queue, kind))
-        self.messenger.listen(Inquiry, self._queue_inquiry, Gate(lambda: self.active))
+        self.messenger.listen(Inquiry, self._queue_inquiry, BackPressureGroup(lambda: self.active))
         self.messenger.listen_to(DiagnosticArray, DIAGNOSTICS_TOPIC, qos.DIAGNOSTICS, self._queue_diagnostics)
         timer = self.create_timer(1.0, self._look_for_stall, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._resources.callback(self.destroy_timer, timer)
@@ -326,12 +326,12 @@ class AssessmentNode(ManagedNode):
                     raise
                 continue
             except BagError as error:  # a verdict that cannot be recorded is still worth publishing
-                self.messenger.complain(f"not recorded: {error}")
+                self.messenger.report_problem(f"not recorded: {error}")
             return
 
     def _note_full_disk(self, error: DiskFullError) -> None:
         if self._disk_full is None:
-            self.messenger.complain(f"{error}; until then nothing is judged, and nothing is lost")
+            self.messenger.report_problem(f"{error}; until then nothing is judged, and nothing is lost")
         self._disk_full = str(error)
 
     def _tell(self, message: Message) -> None:

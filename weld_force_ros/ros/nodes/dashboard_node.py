@@ -16,16 +16,16 @@ from weld_force_ros.messages import (
     WeldProfile,
 )
 from weld_force_ros.report.html_page import page
-from weld_force_ros.report.live_report import NEWEST, Board
+from weld_force_ros.report.live_report import NEWEST, LiveReport
 from weld_force_ros.report.live_server import Server
-from weld_force_ros.ros.contract_topics import Messenger, Sample
-from weld_force_ros.ros.lifecycle import CLOSE_S, ManagedNode
+from weld_force_ros.ros.contract_topics import ContractTopics, Sample
+from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
 from weld_force_ros.ros.worker import Worker
 
 _SHOWN = (SimulationSettings, AssessmentSettings, WeldProfile, ForceMap, ForceHistory, Verdict, Rejection)
 
 
-class DashboardNode(ManagedNode):
+class DashboardNode(LifecycleNodeBase):
     """Takes messages on one worker thread; pages are served on threads of their own.
 
     Attributes:
@@ -45,10 +45,10 @@ class DashboardNode(ManagedNode):
             newest=NEWEST,
         )
         folder = self._resources.enter_context(tempfile.TemporaryDirectory(prefix="weld-force-dashboard-"))
-        self._board = Board(Path(folder))
-        self.messenger = self._resources.enter_context(Messenger(self, [], group=self.gate))
+        self._board = LiveReport(Path(folder))
+        self.messenger = self._resources.enter_context(ContractTopics(self, [], group=self.gate))
         self._worker: Worker[tuple[type[Message], Sample]] = Worker(
-            "dashboard", self._take, self.messenger.complain, on_room=self.wake
+            "dashboard", self._take, self.messenger.report_problem, on_room=self.wake
         )
         self._resources.callback(self._worker.close, CLOSE_S)
         server = Server(self._board, html, values["port"])

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from weld_force_ros.messages import MAX_IDS, Inquiry, Rejection, Settled, WeldProfile
-from weld_force_ros.ros.contract_topics import Messenger, Sample
+from weld_force_ros.ros.contract_topics import ContractTopics, Sample
 from weld_force_ros.ros.qos import WINDOW
 
 _LOOK_S = 0.02
@@ -14,7 +14,7 @@ _ANSWER_WITHIN_S = 5.0
 _ASK_AGAIN_S = 3.0
 
 
-class Dispatch:
+class FlowControl:
     """Sends measurements on their way, a window of them at a time, and each only if the ledger knows no outcome.
 
     The assessment node keeps the ledger. Where there is none, everything is sent, up to the window.
@@ -25,7 +25,7 @@ class Dispatch:
         stopping: whether waiting is to be given up.
     """
 
-    def __init__(self, messenger: Messenger, ledgers: Callable[[], int], stopping: threading.Event) -> None:
+    def __init__(self, messenger: ContractTopics, ledgers: Callable[[], int], stopping: threading.Event) -> None:
         self._messenger = messenger
         self._ledgers = ledgers
         self._stopping = stopping

@@ -32,7 +32,7 @@ class FolderWatcher:
         suffixes: of the files that matter, lower case; hidden files do not.
         settle_s: how long size and time of change must stand still before a file counts as written.
         take: called with the files that are ready, at most `AT_ONCE` of them, in order of name; raises nothing.
-        complain: called with a problem of the folder itself, which is tried again.
+        report_problem: called with a problem of the folder itself, which is tried again.
     """
 
     def __init__(
@@ -41,13 +41,13 @@ class FolderWatcher:
         suffixes: tuple[str, ...],
         settle_s: float,
         take: Callable[[Sequence[Path]], None],
-        complain: Callable[[str], None],
+        report_problem: Callable[[str], None],
     ) -> None:
         self._folder = folder
         self._suffixes = suffixes
         self._settle_s = settle_s
         self._take = take
-        self._complain = complain
+        self._report_problem = report_problem
         self._taken: dict[str, _State] = {}
         self._waiting: dict[str, tuple[_State, float]] = {}
         self._stop = threading.Event()
@@ -81,7 +81,7 @@ class FolderWatcher:
             try:
                 self._watch()
             except (OSError, RuntimeError) as error:
-                self._complain(f"folder {self._folder}: {error}; trying again")
+                self._report_problem(f"folder {self._folder}: {error}; trying again")
                 self._stop.wait(_RETRY_S)
 
     def _watch(self) -> None:

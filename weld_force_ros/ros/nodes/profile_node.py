@@ -14,9 +14,9 @@ from weld_force_ros.errors import InputError
 from weld_force_ros.measurement.profile_file import PlainForm, parse_profile
 from weld_force_ros.measurement.text_columns import MAX_FILE_BYTES
 from weld_force_ros.messages import TOPICS, Inquiry, Rejection, Settled, WeldProfile, measurement_id
-from weld_force_ros.ros.contract_topics import Messenger
-from weld_force_ros.ros.lifecycle import CLOSE_S, ManagedNode
-from weld_force_ros.ros.nodes.flow_control import Dispatch
+from weld_force_ros.ros.contract_topics import ContractTopics
+from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
+from weld_force_ros.ros.nodes.flow_control import FlowControl
 from weld_force_ros.ros.nodes.folder_watcher import FolderWatcher
 from weld_force_ros.ros.nodes.trolley_input import TrolleyInput
 
@@ -25,7 +25,7 @@ SUFFIXES = (".csv", ".txt")
 _STATES_ITS_UNITS = re.compile(rb"^\s*#\s*(x_unit|z_unit|z_positive)\s*:", re.MULTILINE | re.IGNORECASE)
 
 
-class ProfileNode(ManagedNode):
+class ProfileNode(LifecycleNodeBase):
     """Publishes each file's content once, as a WeldProfile or a Rejection; a file that changed is measured anew.
 
     Files are read in the watcher's thread, which waits while many measurements are without an outcome: the folder is
@@ -39,11 +39,11 @@ class ProfileNode(ManagedNode):
         folder = _folder(values["folder"])
         self._form = _plain_form(values)
         self._stopping = threading.Event()
-        self.messenger = self._resources.enter_context(Messenger(self, [WeldProfile, Rejection, Inquiry]))
+        self.messenger = self._resources.enter_context(ContractTopics(self, [WeldProfile, Rejection, Inquiry]))
         settled_topic = self.resolve_topic_name(TOPICS[Settled].name)
-        self._dispatch = Dispatch(self.messenger, lambda: self.count_publishers(settled_topic), self._stopping)
+        self._dispatch = FlowControl(self.messenger, lambda: self.count_publishers(settled_topic), self._stopping)
         self.messenger.listen(Settled, self._dispatch.take_settled)
-        self._watcher = FolderWatcher(folder, SUFFIXES, values["settle_s"], self._take, self.messenger.complain)
+        self._watcher = FolderWatcher(folder, SUFFIXES, values["settle_s"], self._take, self.messenger.report_problem)
         self._trolley = self._resources.enter_context(TrolleyInput(self, folder, self.messenger, values))
         timer = self.create_timer(1.0, self._dispatch.ask_again, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._resources.callback(self.destroy_timer, timer)

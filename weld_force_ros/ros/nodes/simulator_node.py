@@ -16,8 +16,8 @@ from weld_force_ros.messages import (
     WeldProfile,
     identity,
 )
-from weld_force_ros.ros.contract_topics import Messenger, Sample
-from weld_force_ros.ros.lifecycle import CLOSE_S, ManagedNode
+from weld_force_ros.ros.contract_topics import ContractTopics, Sample
+from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
 from weld_force_ros.ros.parameter_file import settings_of_simulator
 from weld_force_ros.ros.qos import KEPT
 from weld_force_ros.ros.worker import Worker
@@ -26,7 +26,7 @@ from weld_force_ros.simulation import simulator
 _SAME_ASKED_TWICE_S = 4.0
 
 
-class SimulatorNode(ManagedNode):
+class SimulatorNode(LifecycleNodeBase):
     """Computes on one worker thread, which also loads track and fit; callbacks only queue, up to a limit.
 
     What has its outcome is not computed again; what is sent again because an outcome is missing, is.
@@ -50,11 +50,11 @@ class SimulatorNode(ManagedNode):
         self._computed_s: OrderedDict[str, float] = OrderedDict()
         self._simulator: Simulates
         self.messenger = self._resources.enter_context(
-            Messenger(self, [SimulationSettings, ForceMap, ForceHistory, Rejection], group=self.gate)
+            ContractTopics(self, [SimulationSettings, ForceMap, ForceHistory, Rejection], group=self.gate)
         )
         self.messenger.publish(self._settings)
         self._worker: Worker[Sample | SimulationSettings] = Worker(
-            "simulator", self._handle, self.messenger.complain, self._prepare, on_room=self.wake
+            "simulator", self._handle, self.messenger.report_problem, self._prepare, on_room=self.wake
         )
         self._resources.callback(self._worker.close, CLOSE_S)
         self.messenger.health.queue_length = lambda: self._worker.pending
@@ -135,4 +135,4 @@ class SimulatorNode(ManagedNode):
             history.profile_id = force_map.profile_id
             self.messenger.publish(history)
         except Exception as error:  # the map is the outcome; a Rejection would be a second one
-            self.messenger.complain(f"force history of {profile.weld_id}: {error}")
+            self.messenger.report_problem(f"force history of {profile.weld_id}: {error}")

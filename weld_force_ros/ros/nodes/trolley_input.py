@@ -22,9 +22,9 @@ from weld_force_ros.measurement.live_capture import LiveRail
 from weld_force_ros.measurement.rail_stream import STEP_M
 from weld_force_ros.messages import MAX_MESSAGE_BYTES, TOPICS, Message, RailSurface, WeldMarker
 from weld_force_ros.ros import point_cloud, qos
-from weld_force_ros.ros.contract_topics import Messenger, Sample, listen
-from weld_force_ros.ros.lifecycle import CLOSE_S, ManagedNode
-from weld_force_ros.ros.worker import Gate, Worker
+from weld_force_ros.ros.contract_topics import ContractTopics, Sample, listen
+from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
+from weld_force_ros.ros.worker import BackPressureGroup, Worker
 
 CAPTURE_SERVICE = "capture_weld"
 
@@ -45,7 +45,9 @@ class TrolleyInput:
         values: its parameters, of `node_parameters`.
     """
 
-    def __init__(self, node: ManagedNode, folder: Path, messenger: Messenger, values: Mapping[str, Any]) -> None:
+    def __init__(
+        self, node: LifecycleNodeBase, folder: Path, messenger: ContractTopics, values: Mapping[str, Any]
+    ) -> None:
         self._node = node
         self._messenger = messenger
         self._lock = threading.Lock()
@@ -62,9 +64,9 @@ class TrolleyInput:
             announce=node.get_logger().info,
         )
         self._worker: Worker[Callable[[], None]] = Worker(
-            "trolley", lambda job: job(), messenger.complain, on_room=node.wake
+            "trolley", lambda job: job(), messenger.report_problem, on_room=node.wake
         )
-        self._gate = Gate(lambda: self._node.active and self._worker.has_room)
+        self._gate = BackPressureGroup(lambda: self._node.active and self._worker.has_room)
         self._subscriptions = [
             self._listen(RailSurface, self._take_surface),
             self._listen(WeldMarker, self._take_marker),
@@ -162,7 +164,7 @@ class TrolleyInput:
     def _complain_once(self, problem: str) -> None:
         if problem != self._last_problem:
             self._last_problem = problem
-            self._messenger.complain(problem)
+            self._messenger.report_problem(problem)
 
     def _note_place(self) -> None:
         with self._lock:

@@ -13,8 +13,8 @@ from weld_force_ros.measurement import synthetic_rail
 from weld_force_ros.measurement.synthetic_rail import Batch, Handling, PlacedWeld, SyntheticRail
 from weld_force_ros.messages import TOPICS, RailSurface, WeldMarker
 from weld_force_ros.ros import point_cloud, qos
-from weld_force_ros.ros.contract_topics import Messenger
-from weld_force_ros.ros.lifecycle import CLOSE_S, ManagedNode
+from weld_force_ros.ros.contract_topics import ContractTopics
+from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
 from weld_force_ros.ros.nodes.trolley_input import CAPTURE_SERVICE
 
 _LOOK_S = 0.05
@@ -23,7 +23,7 @@ _MARKS = ("marker", "service", "none")
 _FORMS = ("json", "points")
 
 
-class TrolleyNode(ManagedNode):
+class TrolleyNode(LifecycleNodeBase):
     """Goes along a synthetic rail once, at `rate` times real speed, when somebody listens; inactive, it stands."""
 
     kind = "trolley_node"
@@ -34,7 +34,7 @@ class TrolleyNode(ManagedNode):
         self._marks, self._form, self._rate = values["marks"], values["form"], values["rate"]
         self.rail = SyntheticRail(values["length_m"], values["seed"])
         self._batches = synthetic_rail.run(self.rail, values["seed"], Handling(speed_m_per_s=values["speed_m_per_s"]))
-        self.messenger = self._resources.enter_context(Messenger(self, [RailSurface, WeldMarker]))
+        self.messenger = self._resources.enter_context(ContractTopics(self, [RailSurface, WeldMarker]))
         if self._form == "points":
             self._points = self.messenger.outlet(PointCloud2, point_cloud.TOPIC, qos.STREAM)
         if self._marks == "service":
@@ -144,9 +144,9 @@ class TrolleyNode(ManagedNode):
         future = self._client.call_async(Trigger.Request())
         future.add_done_callback(lambda _: answered.set())
         if not answered.wait(_ANSWER_S):
-            self.messenger.complain(f"{CAPTURE_SERVICE} did not answer within {_ANSWER_S:g} s")
+            self.messenger.report_problem(f"{CAPTURE_SERVICE} did not answer within {_ANSWER_S:g} s")
         elif not future.result().success:
-            self.messenger.complain(f"{CAPTURE_SERVICE}: {future.result().message}")
+            self.messenger.report_problem(f"{CAPTURE_SERVICE}: {future.result().message}")
 
 
 def _check_choice(values: dict[str, Any], name: str, choices: tuple[str, ...]) -> None:

@@ -1,0 +1,139 @@
+"""Advice on grinding with the simulator in the loop: within limits afterwards, by the reference too."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from weld_force_ros.assessment.grinding import Adviser
+from weld_force_ros.cli.main import main
+from weld_force_ros.measurement.profile_file import find, read_profile
+from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.messages import (
+    AssessmentSettings,
+    GrindingAdvice,
+    Limit,
+    WeldProfile,
+    decode,
+    encode,
+    limits_sha256,
+    profile_sha256,
+)
+from weld_force_ros.physics.passage.wheel_path import wheel_path_over
+from weld_force_ros.simulation.settings import simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
+
+SPEEDS = [60.0, 80.0, 100.0, 120.0, 140.0]
+X = np.linspace(-0.2, 0.2, 201)
+LIMIT_N = 125e3
+
+
+def limits(most_n: float, reject_n: float = 350e3) -> AssessmentSettings:
+    rows = [Limit(name="peak_force", limit=most_n, reject_limit=reject_n, unit="N", source="by hand")]
+    settings = AssessmentSettings(limits_sha256="0" * 64, limits=rows)
+    settings.limits_sha256 = limits_sha256(settings)
+    return settings
+
+
+def adviser(most_n: float) -> Adviser:
+    settings = simulation_settings(track="bilbao-viscous", speeds_kmh=SPEEDS, positions=4)
+    return Adviser(settings, limits(most_n))
+
+
+def profile(height_m: float, length_m: float = 0.2) -> WeldProfile:
+    z = cosine_dip(X, length_m, -height_m).tolist()
+    return WeldProfile(
+        weld_id="cosine", source="test", x_m=X.tolist(), z_m=z, profile_sha256=profile_sha256(X.tolist(), z)
+    )
+
+
+@pytest.fixture(scope="module")
+def protrusion() -> GrindingAdvice:
+    return adviser(LIMIT_N).advise(profile(0.2e-3))
+
+
+def test_ground_weld_is_within_limits_when_rolled_by_itself(protrusion: GrindingAdvice):
+    encode(protrusion)
+    assert protrusion.reached
+    assert (protrusion.decision_before, protrusion.decision_after) == ("grind", "accept")
+    assert protrusion.removed_m2 > 0
+    x, ground = np.array(protrusion.x_m), np.array(protrusion.z_m) - np.array(protrusion.removal_m)
+    simulator = Simulator(simulation_settings(track="bilbao-viscous", speeds_kmh=SPEEDS, positions=12))
+    rolled = simulator.vehicle_track.peak_map(
+        wheel_path_over(x, ground, 0.45), np.arange(60.0, 141.0, 5.0), simulator.settings.positions_m
+    )
+    assert rolled.peak_force_n.max() < 1.01 * LIMIT_N  # between the speeds and places that were asked for
+
+
+def test_reference_engine_agrees(protrusion: GrindingAdvice):
+    assert protrusion.reference_checked == protrusion.reference_within > 0
+    assert protrusion.reference_peak_n <= LIMIT_N
+    exact = Simulator(simulation_settings(track="bilbao-viscous", engine="reference", speeds_kmh=[140.0], positions=4))
+    x, ground = np.array(protrusion.x_m), np.array(protrusion.z_m) - np.array(protrusion.removal_m)
+    rolled = exact.vehicle_track.peak_map(wheel_path_over(x, ground, 0.45), [140.0], exact.settings.positions_m)
+    assert rolled.peak_force_n.max() <= LIMIT_N * (1 + 1e-6)
+
+
+def test_a_protrusion_is_ground_with_less_metal_than_a_dip_of_the_same_wave():
+    """Metal only comes off: a protrusion is ground itself, a dip can only be drawn out, and a dip it stays."""
+    areas = []
+    for height_m in (0.2e-3, -0.2e-3):
+        peak_n = max(adviser(1e6).advise(profile(height_m)).peak_before_n)
+        advice = adviser(100e3 + 0.8 * (peak_n - 100e3)).advise(profile(height_m))
+        assert advice.reached
+        areas.append(advice.removed_m2)
+        ground = np.array(advice.z_m) - np.array(advice.removal_m)
+        assert (ground.max() > 0.1e-3) if height_m > 0 else (ground.max() < 1e-6)
+    assert areas[0] < 0.5 * areas[1]
+
+
+def test_weld_within_limits_is_left_alone():
+    advice = adviser(300e3).advise(profile(0.2e-3))
+    assert (advice.reached, advice.removed_m2, advice.decision_after) == (True, 0.0, "accept")
+    assert "nothing to grind" in advice.reason
+    assert advice.peak_after_n == advice.peak_before_n
+
+
+def test_flat_is_not_ground_away_and_nothing_is_advised():
+    advice = adviser(120e3).advise(read_profile(find("wheel-flat-0.9mm")))
+    assert not advice.reached
+    assert advice.reason.startswith("replace")
+    assert advice.removed_m2 == 0.0
+    assert advice.peak_after_n == advice.peak_before_n
+
+
+def run(*arguments: object) -> int:
+    return main([str(argument) for argument in arguments])
+
+
+def test_command_writes_advice_and_its_picture(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    own = tmp_path / "limits.yaml"
+    own.write_text("- {name: peak_force, limit: 1.0e+6, reject_limit: 2.0e+6, unit: N, source: ours}\n")
+    code = run(
+        "grind", "weld-5-ramp-protrusion", "--speeds", "60,100", "--positions", "2", "--limits", own,
+        "--json", "-", "--plot", tmp_path / "ground.png",
+    )  # fmt: skip
+    out, err = capfd.readouterr()
+    assert code == 0
+    (line,) = out.splitlines()
+    assert decode(GrindingAdvice, line).reached
+    assert json.loads(line)["weld_id"] == "weld-5-ramp-protrusion"
+    assert "nothing to grind" in " ".join(err.replace("│", " ").split())
+    assert (tmp_path / "ground.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("nowhere.csv",), "nowhere"),
+        (("weld-1-dip", "--band-limit", "0"), "band-limit"),
+        (("weld-1-dip", "--stone-radius", "-1"), "stone_radius"),
+        (("weld-1-dip", "--limits", "none.yaml"), "none.yaml"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: tuple[str, ...], complaint: str, capfd: pytest.CaptureFixture[str]):
+    assert run("grind", *arguments) == 2
+    err = capfd.readouterr().err
+    assert complaint in err
+    assert len(err.splitlines()) == 1

@@ -1,0 +1,345 @@
+import html
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import dask
+import duckdb
+import numpy as np
+import pandas as pd
+import polars as pl
+import psutil
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import xarray as xr
+
+from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.campaign import (
+    batch_records,
+    batch_task,
+    campaign_file,
+    dask_run,
+    plan,
+    profile_table,
+    query,
+    sources,
+    synthetic_network,
+    tables,
+)
+from weld_force_ros.campaign.profile_table import RejectedRow
+from weld_force_ros.cli import main
+from weld_force_ros.errors import InputError
+from weld_force_ros.measurement import profile_file
+from weld_force_ros.simulation.simulator import Simulator
+
+HOSTILE = "</script><img src=x onerror=alert(1)>"
+CAMPAIGN = """
+name: northern lines
+sources:
+  - {table: north.parquet, line: north}
+  - {folder: south, line: south}
+vehicles:
+  freight: {static_load_n: 110.0e+3}
+  light: {static_load_n: 70.0e+3, mass_kg: 600.0}
+sections:
+  - {name: first, lines: [north], chainage_m: [0, 180], vehicles: [freight, light]}
+  - {name: rest, track: bilbao-viscous, vehicles: [light]}
+speeds: [100, 160, 220]
+positions: 3
+batch_welds: 12
+"""
+# Of 20 welds of the first line half lie in the section that two vehicles run over; of the second's 9 one is unusable.
+WELDS, VERDICTS, REJECTIONS = 32, 20 + 20 + 8, 4
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("network")
+    welds = list(synthetic_network.network(20, seed=1))
+    welds[3].weld_id = HOSTILE
+    profile_table.write(made / "north.parquet", [*welds, *(RejectedRow("bag", "no such", "remedy") for _ in range(3))])
+    (made / "south").mkdir()
+    for weld in synthetic_network.network(8, seed=2):
+        profile_file.write_profile(weld, made / "south" / f"{weld.weld_id}.csv")
+    (made / "south" / "zz.csv").write_text("x,z\n0,0\n", encoding="utf-8")
+    (made / "north.yaml").write_text(CAMPAIGN, encoding="utf-8")
+    return made
+
+
+def planned(folder, out, file="north.yaml"):
+    campaign = campaign_file.read(folder / file)
+    return plan.make(campaign, sources.find(campaign)), out
+
+
+def computed(folder, out, but=(), file="north.yaml"):
+    """The campaign in this process, without Dask; batches in `but` are left open."""
+    its_plan, _ = planned(folder, out, file)
+    finished = {record.batch for record in dask_run.prepare(its_plan, out)}
+    for batch in sources.batches(its_plan.sources, its_plan.batch_welds):
+        if batch.number not in finished and batch.number not in but:
+            batch_task.assess_batch(str(out), its_plan.sha256, batch)
+    return its_plan
+
+
+@pytest.fixture(scope="module")
+def results(folder):
+    out = folder / "here"
+    dask_run.complete(computed(folder, out), out)
+    return out
+
+
+def manifest(out):
+    return json.loads((out / batch_records.MANIFEST).read_text(encoding="utf-8"))
+
+
+def test_command_on_two_workers_gives_what_one_process_gives(folder, results):
+    done = subprocess.run(
+        [sys.executable, "-m", "weld_force_ros.cli.main", "campaign", "north.yaml", "--workers", "2", "--json", "-"],
+        cwd=folder, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert (told["welds"], told["verdicts"], told["rejections"]) == (WELDS, VERDICTS, REJECTIONS)
+    assert told["results_sha256"] == manifest(results)["results_sha256"]
+    assert "dashboard: http://127.0.0.1:" in done.stderr
+    page = (folder / "north-results" / "summary.html").read_text(encoding="utf-8")
+    assert "connect-src" not in page
+    assert "script-src 'sha256-" in html.unescape(page)
+    assert HOSTILE not in page
+    assert "http://" not in page.partition('<script type="text/plain"')[0]
+
+
+def workers(client):
+    return [child for child in client.children(recursive=True) if "spawn_main" in " ".join(child.cmdline())]
+
+
+def wait_until(true, seconds=120.0):
+    deadline = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_killed_worker_and_client_change_nothing(folder, tmp_path):
+    (folder / "fine.yaml").write_text(CAMPAIGN.replace("batch_welds: 12", "batch_welds: 1"), encoding="utf-8")
+    out = tmp_path / "killed"
+    command = [sys.executable, "-m", "weld_force_ros.cli.main", "campaign", "fine.yaml", "--workers", "1", "--no-page"]
+    with subprocess.Popen([*command, "--out", str(out)], cwd=folder, stderr=subprocess.DEVNULL) as process:
+        client = psutil.Process(process.pid)
+        wait_until(lambda: list((out / batch_records.FOLDER).glob("*.json")) or process.poll() is not None)
+        for worker in workers(client):
+            worker.send_signal(signal.SIGKILL)
+        at_the_kill = len(list((out / batch_records.FOLDER).glob("*.json")))
+        wait_until(
+            lambda: len(list((out / batch_records.FOLDER).glob("*.json"))) > at_the_kill or process.poll() is not None
+        )
+        process.send_signal(signal.SIGKILL)
+    whole = tmp_path / "whole"
+    found = [dask_run.complete(computed(folder, to, file="fine.yaml"), to) for to in (out, whole)]
+    assert found[0].results_sha256 == found[1].results_sha256
+    assert len(pd.read_parquet(out / "verdicts")) == VERDICTS
+    assert not [*out.rglob("*.part"), *out.rglob("*.partial")]
+
+
+def test_resumed_is_identical_and_finished_batches_stay(folder, results, tmp_path):
+    out = tmp_path / "resumed"
+    computed(folder, out, but=(1,))
+    kept = {path: path.stat().st_mtime_ns for path in (out / "verdicts").rglob("*.parquet")}
+    chunk = next(path for path in (out / "maps.zarr").rglob("c/0/0/0"))
+    damaged = chunk.read_bytes()
+    chunk.write_bytes(damaged[:-1])
+    its_plan = computed(folder, out)
+    assert chunk.read_bytes() == damaged
+    assert [path for path, at in kept.items() if path.stat().st_mtime_ns == at], "a finished batch was computed again"
+    assert dask_run.complete(its_plan, out).results_sha256 == manifest(results)["results_sha256"]
+
+
+def test_results_read_by_pandas_polars_duckdb_and_xarray(results):
+    by_pandas = pd.read_parquet(results / "verdicts")
+    by_polars = pl.read_parquet(results / "verdicts" / "**" / "*.parquet")
+    by_duckdb = duckdb.sql(f"SELECT count(*), sum(peak_force_n) FROM '{results}/verdicts/**/*.parquet'").fetchall()[0]  # noqa: S608
+    assert len(by_pandas) == len(by_polars) == by_duckdb[0] == VERDICTS
+    assert by_pandas.peak_force_n.sum() == pytest.approx(by_duckdb[1]) == by_polars["peak_force_n"].sum()
+    assert set(by_pandas.section.astype(str)) == {"first", "rest"}
+    maps = xr.open_zarr(results / "maps.zarr", group="first/freight", consolidated=False)
+    assert maps.peak_force_n.dims == ("weld", "speed_kmh", "position_m")
+    assert (maps.peak_force_n.units, maps.speed_kmh.units, maps.position_m.units) == ("N", "km/h", "m")
+    assert maps.sizes["weld"] == WELDS
+    row = by_pandas[(by_pandas.section == "first") & (by_pandas.vehicle == "freight")].iloc[0]
+    at = maps.isel(weld=int(row.weld_number)).sel(
+        speed_kmh=row.worst_speed_kmh, position_m=row.worst_position_m, method="nearest"
+    )
+    assert float(at.peak_force_n) == pytest.approx(row.peak_force_n, rel=1e-6)
+    assert float(at.chainage_m) == row.chainage_m
+
+
+@pytest.mark.parametrize(("kind", "schema"), [("verdicts", tables.VERDICTS), ("speeds", tables.SPEEDS)])
+def test_schema_of_every_part(results, kind, schema):
+    parts = list((results / kind).rglob("*.parquet"))
+    assert parts
+    assert all(pq.read_schema(part).equals(schema) for part in parts)
+
+
+def test_verdicts_are_those_of_the_one_composition(folder, results):
+    its_plan, _ = planned(folder, results)
+    settings = its_plan.sections[0].vehicles["freight"]
+    weld = next(synthetic_network.network(1, seed=1))
+    verdict = judge(Simulator(settings, curves=False).force_map(weld), load_limits())
+    row = query.ask(results, "SELECT * FROM verdicts WHERE weld_number = 0 AND vehicle = 'freight'").records[0]
+    assert (row["decision"], row["reason"]) == (verdict.decision, verdict.reason)
+    assert (row["peak_force_n"], row["config_sha256"]) == (verdict.peak_force_n, settings.config_sha256)
+    assert {f"value_{c.name}": row[f"value_{c.name}"] for c in verdict.criteria} == {
+        f"value_{c.name}": c.value for c in verdict.criteria
+    }
+
+
+def test_rejections_say_why(results):
+    rows = query.ask(results, "SELECT source, reason FROM rejections ORDER BY weld_number").rows
+    assert rows[:3] == [("bag", "no such", "remedy")[:2]] * 3
+    assert rows[3] == ("zz.csv", "x_unit, z_unit, z_positive not stated")
+
+
+def test_questions(results):
+    speeds = pd.read_parquet(results / "speeds")
+    at_160 = speeds[speeds.speed_kmh == 160.0]
+    over = query.over(results, 170.0, peak_n=100e3)
+    assert len(over.rows) == (at_160.peak_force_n > 100e3).sum() > 0
+    assert len(query.over(results, 160.0).rows) == (~at_160.within_limits).sum()
+    for row in query.worse_if_restricted(results, 110.0).records:
+        assert row["to_kmh"] == 100.0
+        assert row["peak_restricted_n"] > row["peak_now_n"]
+    assert query.changed(results, results).rows == []
+    with pytest.raises(InputError, match="views"):
+        query.ask(results, "SELECT nonsense")
+
+
+def test_query_on_the_command_line(results, capsys):
+    assert (
+        main.main(["campaign", "query", "sql", str(results), "SELECT count(*) AS n FROM verdicts", "--json", "-"]) == 0
+    )
+    assert json.loads(capsys.readouterr().out) == {"n": VERDICTS}
+    assert main.main(["campaign", "query", "over", str(results.parent), "--at", "160"]) == 2
+    assert "holds no results" in capsys.readouterr().err
+
+
+def test_rows_that_cannot_be_used(tmp_path):
+    good = next(synthetic_network.network(1, seed=1))
+    x, z = good.x_m, good.z_m
+    rows = [
+        {"x_m": x, "z_m": z},
+        {"x_m": x, "z_m": [float("nan"), *z[1:]]},
+        {"x_m": x[:5], "z_m": z[:5]},
+        {"x_m": x, "z_m": z[:-1]},
+        {"x_m": x, "z_m": z, "profile_sha256": "0" * 64},
+        {"x_m": x, "z_m": z, "line_speed_kmh": -1.0},
+        {"x_m": None, "z_m": z},
+    ]
+    pq.write_table(pa.Table.from_pylist(rows, profile_table.SCHEMA), tmp_path / "welds.parquet")
+    read = list(profile_table.read(tmp_path / "welds.parquet", 0, len(rows)))
+    assert [isinstance(weld, RejectedRow) for weld in read] == [False] + [True] * 6
+    assert read[0].profile_sha256 == good.profile_sha256
+    assert list(profile_table.read(tmp_path / "welds.parquet", 2, 2)) == read[2:4]
+    whole = (tmp_path / "welds.parquet").read_bytes()
+    (tmp_path / "welds.parquet").write_bytes(whole[: len(whole) // 2])
+    assert all(isinstance(weld, RejectedRow) for weld in profile_table.read(tmp_path / "welds.parquet", 0, 7))
+    with pytest.raises(InputError, match="columns x_m and z_m"):
+        profile_table.rows_of(tmp_path / "welds.parquet")
+
+
+def test_batches_hold_every_weld_once(folder):
+    its_plan, _ = planned(folder, folder)
+    cut = list(sources.batches(its_plan.sources, 12))
+    assert [(batch.first, batch.welds) for batch in cut] == [(0, 12), (12, 12), (24, 8)]
+    assert len(cut) == its_plan.batches
+    assert [piece.source for piece in cut[1].pieces] == [0, 1]
+
+
+def test_bags_are_sources(tmp_path):
+    recording = Path(__file__).parents[2] / "bags" / "demo"
+    (tmp_path / "c.yaml").write_text(f"name: c\nsources: [{{bag: {recording}}}]\n", encoding="utf-8")
+    campaign = campaign_file.read(tmp_path / "c.yaml")
+    (found,) = sources.find(campaign)
+    (batch,) = sources.batches([found], 256)
+    welds = list(sources.read(found, batch.pieces[0]))
+    assert len(welds) == found.welds > 0
+    assert len({weld.profile_sha256 for weld in welds}) == len(welds)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("name: c\n", "sources"),
+        ("name: c\nsources: [{folder: absent}]\n", "not there"),
+        ("name: c\nsources: [{folder: a, table: b}]\n", "one of folder, table and bag"),
+        ("name: c\nsources: [{folder: a}]\nspeed: 1\n", "speed"),
+        ("name: c\nsources: [{folder: a}]\nsections: [{name: a/b}]\n", "name"),
+        ("name: c\nsources: [{folder: a}]\nsections: [{name: a, vehicles: [v]}]\n", "vehicle v"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_a_line(tmp_path, capsys, text, said):
+    (tmp_path / "c.yaml").write_text(text, encoding="utf-8")
+    assert main.main(["campaign", str(tmp_path / "c.yaml")]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+
+
+def test_another_campaign_leaves_results_alone(folder, results, tmp_path):
+    (folder / "other.yaml").write_text(CAMPAIGN.replace("[100, 160, 220]", "[100, 160]"), encoding="utf-8")
+    before = {path: path.read_bytes() for path in results.rglob("*.parquet")}
+    assert main.main(["campaign", str(folder / "other.yaml"), "--out", str(results)]) == 2
+    assert before == {path: path.read_bytes() for path in results.rglob("*.parquet")}
+
+
+def test_plan_is_computed_and_nothing_else(folder, capsys):
+    assert main.main(["campaign", str(folder / "north.yaml"), "--plan", "--workers", "64", "--json", "-"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    low, high = told["seconds_range"]
+    assert low <= told["seconds"] <= high
+    assert told["welds"] == WELDS
+    assert told["bytes"] > 0
+
+
+def test_population_is_seeded(tmp_path, capsys):
+    assert main.main(["population", "3", "--out", str(tmp_path / "files"), "--seed", "7"]) == 0
+    assert main.main(["population", "5", "--out", str(tmp_path / "t.parquet"), "--seed", "7"]) == 0
+    capsys.readouterr()
+    files = [profile_file.read_profile(path) for path in sorted((tmp_path / "files").iterdir())]
+    table = list(profile_table.read(tmp_path / "t.parquet", 0, 3))
+    assert [weld.profile_sha256 for weld in files] == [weld.profile_sha256 for weld in table]
+    assert np.all(np.diff([weld.chainage_m for weld in table]) >= 0)
+
+
+def test_a_scheduler_that_nobody_started_is_said_in_a_line(folder, tmp_path, capsys):
+    command = ["campaign", str(folder / "north.yaml"), "--out", str(tmp_path / "none")]
+    with dask.config.set({"distributed.comm.timeouts.connect": "1s"}):
+        assert main.main([*command, "--scheduler", "tcp://127.0.0.1:9"]) == 2
+    assert "scheduler tcp://127.0.0.1:9" in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_a_lost_scheduler_is_said_and_the_same_command_goes_on(folder, results, tmp_path):
+    (folder / "fine.yaml").write_text(CAMPAIGN.replace("batch_welds: 12", "batch_welds: 1"), encoding="utf-8")
+    out, address = tmp_path / "lost", tmp_path / "scheduler.json"
+    dask_command = [sys.executable, "-m", "dask"]
+    here = ["--scheduler-file", str(address), "--host", "127.0.0.1", "--no-dashboard"]
+    quiet = {"stderr": subprocess.DEVNULL, "stdout": subprocess.DEVNULL}
+    with subprocess.Popen([*dask_command, "scheduler", "--port", "0", *here], **quiet) as scheduler:
+        wait_until(address.exists)
+        at = json.loads(address.read_text())["address"]
+        with subprocess.Popen([*dask_command, "worker", "--nthreads", "1", *here], **quiet) as worker:
+            command = [sys.executable, "-m", "weld_force_ros.cli.main", "campaign", "fine.yaml", "--no-page"]
+            options = ["--out", str(out), "--scheduler", at]
+            with subprocess.Popen([*command, *options], cwd=folder, stderr=subprocess.PIPE, text=True) as client:
+                wait_until(lambda: list((out / batch_records.FOLDER).glob("*.json")) or client.poll() is not None)
+                scheduler.kill()
+                told = client.communicate(timeout=120)[1]
+            worker.kill()
+    assert client.returncode == 2, told
+    assert "scheduler was lost" in told.splitlines()[-1]
+    its_plan = computed(folder, out, file="fine.yaml")
+    assert dask_run.complete(its_plan, out).verdicts == VERDICTS

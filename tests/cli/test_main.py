@@ -1,0 +1,174 @@
+"""The command line as a shell sees it: exit codes, one line for bad input, clean standard output."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from weld_force_ros.cli.main import main
+from weld_force_ros.measurement.profile_file import shipped
+from weld_force_ros.messages import SCHEMAS, ForceMap, Verdict, decode, json_schema
+
+QUICK = ["--speeds", "60,120", "--positions", "0.1,0.4"]
+BAG = Path(__file__).parents[2] / "bags" / "demo"
+BAG_OF_1_1 = Path(__file__).parents[1] / "data" / "demo-1.1"  # as version 1.1 of the contract recorded it
+
+
+def run(capfd: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, list[str], str]:
+    code = main(list(arguments))
+    out, err = capfd.readouterr()
+    return code, out.splitlines(), err
+
+
+def bad_profile(folder: Path) -> Path:
+    path = folder / "no-units.csv"
+    path.write_text("x,z\n" + "".join(f"{i},0\n" for i in range(30)))
+    return path
+
+
+def test_simulate_writes_one_force_map_a_profile_and_nothing_else_to_stdout(capfd):
+    code, lines, err = run(capfd, "simulate", "weld-1-dip", "cosine-dip-48mm", *QUICK, "--json", "-")
+    maps = [decode(ForceMap, line) for line in lines]
+    assert code == 0
+    assert [m.weld_id for m in maps] == ["weld-1-dip", "cosine-dip-48mm"]
+    assert all(m.speeds_kmh == [60.0, 120.0] and m.positions_m == [0.1, 0.4] for m in maps)
+    assert "weld-1-dip" in err
+
+
+def test_simulate_takes_a_file_of_the_users_own_and_writes_json_and_picture(capfd, tmp_path):
+    profile = tmp_path / "mine.txt"
+    profile.write_text("\n".join("0" for _ in range(30)) + "\n")
+    target, picture = tmp_path / "out" / "map.jsonl", tmp_path / "out" / "map.png"
+    stated = ["--x-unit", "mm", "--z-unit", "um", "--z-positive", "up", "--spacing", "5"]
+    code, lines, _ = run(
+        capfd, "simulate", str(profile), *stated, *QUICK, "--json", str(target), "--plot", str(picture)
+    )
+    force_map = decode(ForceMap, target.read_text())
+    assert (code, lines) == (0, [])
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    # A smooth rail: the peak stays near the static load.
+    assert max(force_map.peak_force_n) < 1.1 * force_map.static_load_n
+
+
+def test_a_whole_number_of_positions_divides_the_span_and_a_point_makes_metres(capfd):
+    _, steps, _ = run(capfd, "simulate", "cosine-dip-48mm", "--speeds", "80", "--positions", "3", "--json", "-")
+    _, metres, _ = run(capfd, "simulate", "cosine-dip-48mm", "--speeds", "80", "--positions", "0.3", "--json", "-")
+    assert decode(ForceMap, steps[0]).positions_m == pytest.approx([0.0, 0.2, 0.4])
+    assert decode(ForceMap, metres[0]).positions_m == [0.3]
+
+
+def test_the_wheel_given_on_the_command_line_is_the_one_that_rolls(capfd):
+    wheel = ["--wheel-mass", "700", "--static-load", "80000", "--wheel-radius", "0.5", "--hertz", "9e10"]
+    _, lines, _ = run(capfd, "simulate", "cosine-dip-48mm", *QUICK, *wheel, "--json", "-")
+    force_map = decode(ForceMap, lines[0])
+    assert force_map.static_load_n == 80000.0
+    assert 80e3 < max(force_map.peak_force_n) < 160e3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        ([], "Missing command"),
+        (["bag"], "Missing command"),
+        (["frobnicate"], "No such command"),
+        (["simulate"], "profiles"),
+        (["simulate", "weld-1-dip", "--nope"], "No such option"),
+        (["simulate", "weld-9"], "weld-1-dip"),
+        (["simulate", "weld-1-dip", "--speeds", "fast"], "FIRST:LAST:STEP"),
+        (["simulate", "weld-1-dip", "--speeds", "80,40"], "increasing"),
+        (["simulate", "weld-1-dip", "--speeds", "0,40"], "positive"),
+        (["simulate", "weld-1-dip", "--positions", "nan"], "finite"),
+        (["simulate", "weld-1-dip", "--positions", "0"], "1 to 1000"),
+        (["simulate", "weld-1-dip", "--track", "nowhere.yaml"], "johansson-nielsen"),
+        (["simulate", "weld-1-dip", "--engine", "magic"], "common-poles"),
+        (["simulate", "weld-1-dip", "--wheel-mass", "-5"], "positive"),
+        (["simulate", "weld-1-dip", *QUICK, "--json", "/proc/none/map.json"], "writable"),
+        (["simulate", "weld-1-dip", *QUICK, "--plot", "map.tiffany"], ".png"),
+        (["receptance", "--at", "x"], "--at"),
+        (["receptance", "--freq", "0"], "above 0"),
+        (["receptance", "--engine", "magic"], "exact"),
+        (["fit", "nowhere.yaml"], "nowhere.yaml"),
+        (["replay", "no-bag"], "no-bag"),
+        (["bag", "info", "no-bag"], "no-bag"),
+        (["node", "conductor"], "simulator"),
+        (["node", "profile", "folder"], "--ros-args"),
+    ],
+)
+def test_bad_usage_is_one_line_and_exit_code_2(capfd, arguments, part):
+    code, lines, err = run(capfd, *arguments)
+    assert (code, lines) == (2, [])
+    assert err.startswith("weld-force: ")
+    assert err.count("\n") == 1
+    assert part in err
+    assert "Traceback" not in err
+
+
+def test_a_bad_profile_among_good_ones_costs_only_itself(capfd, tmp_path):
+    code, lines, err = run(capfd, "simulate", str(bad_profile(tmp_path)), "weld-1-dip", *QUICK, "--json", "-")
+    assert code == 2
+    assert [decode(ForceMap, line).weld_id for line in lines] == ["weld-1-dip"]
+    assert "no-units.csv" in err
+    assert "x_unit" in err
+
+
+def test_receptance_is_a_row_major_matrix_of_the_exact_track(capfd):
+    from weld_force_ros.physics.track.beam import receptance
+    from weld_force_ros.simulation import track_file
+
+    code, lines, _ = run(capfd, "receptance", "--track", "bilbao", "--at", "0.0,0.30", "--freq", "50,100,200",
+                         "--json", "-")  # fmt: skip
+    (answer,) = map(json.loads, lines)
+    exact = receptance(track_file.load("bilbao").track, [50, 100, 200], [0.0, 0.3])
+    assert code == 0
+    assert list(answer) == ["track", "engine", "at_m", "frequency_hz", "real_m_per_n", "imag_m_per_n"]
+    assert answer["real_m_per_n"] == pytest.approx(exact.real.ravel().tolist())
+    assert answer["imag_m_per_n"] == pytest.approx(exact.imag.ravel().tolist())
+
+
+@pytest.mark.parametrize("bag", [BAG, BAG_OF_1_1], ids=lambda bag: bag.name)
+def test_replay_of_the_demos_bags_finds_every_verdict_equal(capfd, bag):
+    code, lines, err = run(capfd, "replay", str(bag), "--verify", "--json", "-")
+    results = [json.loads(line) for line in lines]
+    assert code == 0, err
+    assert sum(r["kind"] == "verdict" for r in results) == len(shipped())
+    assert all(r["equal"] for r in results)
+
+
+def test_replay_without_verify_prints_the_verdicts_computed_again(capfd):
+    code, lines, _ = run(capfd, "replay", str(BAG_OF_1_1), "--json", "-")
+    assert code == 0
+    assert {decode(Verdict, line).weld_id for line in lines} == set(shipped())
+
+
+def test_bag_info_counts_what_the_demo_recorded(capfd):
+    code, lines, _ = run(capfd, "bag", "info", str(BAG), "--json", "-")
+    (found,) = map(json.loads, lines)
+    counts = {t["topic"]: t["message_count"] for t in found["topics"]}
+    assert code == 0
+    assert counts["/verdict"] == counts["/force_map"] == counts["/weld_profile"] == len(shipped())
+    assert found["closed"]
+    assert found["indexed"]
+
+
+def test_schemas_in_the_repository_are_the_contracts(tmp_path, capfd):
+    committed = Path(__file__).parents[2] / "msgs_json"
+    assert run(capfd, "schema", "--write", str(tmp_path))[0] == 0
+    assert {f.name: f.read_bytes() for f in tmp_path.iterdir()} == {f.name: f.read_bytes() for f in committed.iterdir()}
+    assert {f.stem for f in committed.iterdir()} == {kind.__name__ for kind in SCHEMAS}
+
+
+def test_schema_to_stdout_is_one_json_line_a_message(capfd):
+    _, lines, _ = run(capfd, "schema")
+    assert [json.loads(line) for line in lines] == [json_schema(kind) for kind in SCHEMAS]
+
+
+def test_the_installed_command_works_from_any_folder_and_survives_a_closed_pipe(tmp_path):
+    command = Path(sys.executable).parent / "weld-force"
+    piped = (
+        f"{command} simulate weld-1-dip weld-2-rise-between-shrinkages --speeds 80 --positions 1 --json - | head -c 1"
+    )
+    done = subprocess.run(["bash", "-o", "pipefail", "-c", piped], cwd=tmp_path, capture_output=True, timeout=120)
+    assert b"Traceback" not in done.stderr
+    assert done.stdout == b"{"

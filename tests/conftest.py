@@ -1,0 +1,47 @@
+"""Tracks, wheels and shapes that the core's tests share."""
+
+import os
+from collections.abc import Callable
+
+# Fits are many small least squares: a second BLAS thread makes them up to twenty times slower on a busy machine.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+import numpy as np
+import pytest
+from hypothesis import settings
+
+from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.physics.passage.passage import VehicleTrackModel
+from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
+from weld_force_ros.simulation import fit_store, track_file
+from weld_force_ros.simulation.track_file import TrackDefinition
+
+# A shared machine's pauses are no property of the code.
+settings.register_profile("core", deadline=None, max_examples=40)
+settings.load_profile("core")
+
+
+@pytest.fixture(scope="session")
+def definitions() -> dict[str, TrackDefinition]:
+    return {name: track_file.load(name) for name in track_file.shipped()}
+
+
+@pytest.fixture(scope="session")
+def vehicle_tracks(definitions: dict[str, TrackDefinition]) -> dict[str, VehicleTrackModel]:
+    return {name: VehicleTrackModel(fit_store.fitted(d).model(), d.wheel) for name, d in definitions.items()}
+
+
+@pytest.fixture(scope="session")
+def smooth_rail() -> WheelPath:
+    return WheelPath(0.0, np.zeros(9))
+
+
+@pytest.fixture(scope="session")
+def dip() -> Callable[..., WheelPath]:
+    """WheelPath of a wheel of 0.45 m radius over a cosine dip; a negative depth makes it a rise."""
+
+    def over(length_m: float, depth_m: float) -> WheelPath:
+        x = np.linspace(-length_m / 2, length_m / 2, round(length_m / 0.5e-3) + 1)
+        return wheel_path_over(x, cosine_dip(x, length_m, depth_m), 0.45)
+
+    return over

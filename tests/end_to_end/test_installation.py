@@ -1,0 +1,164 @@
+"""The package as ROS users and pip users install it: by colcon, from a wheel, editable."""
+
+import ast
+import os
+import subprocess
+import sys
+import tomllib
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = "weld_force_ros"
+NODES = {"profile_node", "simulator_node", "assessment_node", "trolley_node", "dashboard_node"}
+
+
+def run(*command: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
+    environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "AMENT_PREFIX_PATH")}
+    return subprocess.run(
+        command, capture_output=True, text=True, check=False, env=environment, timeout=120.0, **options
+    )
+
+
+def install(python: Path, *what: str | Path) -> None:
+    """Install into a virtual environment, by the pip that is here."""
+    done = run(
+        *(sys.executable, "-m", "pip", "--python", python, "install", "--quiet", "--disable-pip-version-check"),
+        *("--retries", "1", "--timeout", "20", "--constraint", ROOT / "constraints.txt", *what),
+    )
+    if done.returncode and "connection broken by" in done.stderr:
+        pytest.skip("the package index cannot be reached")
+    assert done.returncode == 0, done.stderr
+
+
+def virtual_environment(folder: Path) -> Path:
+    """The Python of a new one, without pip."""
+    done = run(sys.executable, "-m", "venv", "--without-pip", folder)
+    assert done.returncode == 0, done.stderr
+    return folder / "bin" / "python"
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A workspace whose `src` holds what a clone of this checkout would."""
+    folder = tmp_path_factory.mktemp("workspace")
+    listed = run("git", "ls-files", "-z", "--cached", "--others", "--exclude-standard", cwd=ROOT)
+    assert listed.returncode == 0, listed.stderr
+    for name in filter(None, listed.stdout.split("\0")):
+        if (ROOT / name).is_file():
+            copy = folder / "src" / PACKAGE / name
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            copy.write_bytes((ROOT / name).read_bytes())
+    return folder
+
+
+@pytest.fixture(scope="module")
+def colcon(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    python = virtual_environment(tmp_path_factory.mktemp("colcon"))
+    install(python, *tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]["colcon"])
+    return python.with_name("colcon")
+
+
+@pytest.fixture
+def shares(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    """For a test to set where ROS looks for packages."""
+    pytest.importorskip("ament_index_python")
+    return monkeypatch
+
+
+def check_share(prefix: Path, patch: pytest.MonkeyPatch) -> None:
+    from ament_index_python.packages import get_package_share_directory
+
+    patch.setenv("AMENT_PREFIX_PATH", str(prefix))
+    share = Path(get_package_share_directory(PACKAGE))
+    assert share == prefix / "share" / PACKAGE
+    sources = [
+        ROOT / "package.xml",
+        ROOT / "launch" / "weld_force.launch.py",
+        *(ROOT / PACKAGE / "data" / "config").glob("*.yaml"),
+    ]
+    assert len(sources) > 2
+    for source in sources:
+        parts = () if source.parent == ROOT else (source.parent.name,)
+        assert share.joinpath(*parts, source.name).read_bytes() == source.read_bytes()
+
+
+@pytest.mark.parametrize("options", [(), ("--symlink-install",)], ids=["copied", "linked"])
+def test_colcon_builds_it_and_its_commands_run(
+    options: tuple[str, ...], workspace: Path, colcon: Path, shares: pytest.MonkeyPatch, tmp_path: Path
+):
+    base = ("--build-base", tmp_path / "build", "--install-base", tmp_path / "install")
+    done = run(
+        *(colcon, "--log-base", tmp_path / "log", "build", *base, "--packages-select", PACKAGE, *options), cwd=workspace
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+    prefix = tmp_path / "install" / PACKAGE
+    check_share(prefix, shares)
+    commands = prefix / "lib" / PACKAGE
+    assert {command.name for command in commands.iterdir()} == NODES | {"weld-force"}
+    assert all(os.access(command, os.X_OK) for command in commands.iterdir())
+
+    # The commands name colcon's Python, which has neither rclpy nor numpy; the one of these tests has.
+    sourced = ("bash", "-c", '. "$0" && exec "$@"', tmp_path / "install" / "local_setup.sh", sys.executable)
+    where = run(*sourced, "-c", f"import {PACKAGE}; print({PACKAGE}.__file__)", cwd=tmp_path)
+    assert Path(where.stdout.strip()).is_relative_to(tmp_path), where.stderr
+    for command in ("weld-force", *sorted(NODES)):
+        done = run(*sourced, commands / command, "--help", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert "usage" in done.stdout.lower()
+
+
+@pytest.mark.parametrize("options", [(), ("--editable",)], ids=["wheel", "editable"])
+def test_pip_installs_one_command_and_the_share(
+    options: tuple[str, ...], workspace: Path, shares: pytest.MonkeyPatch, tmp_path: Path
+):
+    python = virtual_environment(tmp_path / "venv")
+    before = set(python.parent.iterdir())
+
+    install(python, "--no-deps", *options, workspace / "src" / PACKAGE)
+
+    assert {command.name for command in set(python.parent.iterdir()) - before} == {"weld-force"}
+    check_share(tmp_path / "venv", shares)
+    found = run(python, "-c", f"import {PACKAGE}; print({PACKAGE}.__file__)", cwd=tmp_path)
+    assert Path(found.stdout.strip()).is_relative_to(workspace if options else tmp_path), found.stderr
+
+
+def test_package_xml_agrees_with_the_project():
+    package = package_xml()
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+    assert package.get("format") == "3"
+    assert package.findtext("name") == project["name"]
+    assert package.findtext("version") == project["version"]
+    assert package.findtext("export/build_type") == "ament_python"
+
+
+def test_every_ros_package_that_is_imported_is_declared():
+    ament = pytest.importorskip("ament_index_python.packages")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("AMENT_PREFIX_PATH", sys.prefix)
+        ros_packages = {"launch", "launch_ros", *ament.get_packages_with_prefixes()} - {PACKAGE}
+    sources = [*(ROOT / PACKAGE).rglob("*.py"), *(ROOT / "launch").glob("*.py")]
+
+    imported = ros_packages & set().union(*map(top_level_imports, sources))
+
+    declared = {depend.text for depend in package_xml().iter("exec_depend")}
+    assert {"rclpy", "launch_ros", "std_msgs"} <= imported
+    assert imported <= declared
+
+
+def package_xml() -> ElementTree.Element:
+    return ElementTree.parse(ROOT / "package.xml").getroot()  # noqa: S314 - the project's own file
+
+
+def top_level_imports(source: Path) -> set[str]:
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(source.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            found.add(node.module.partition(".")[0])
+    return found

@@ -1,0 +1,114 @@
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.harness.oracles import brute_force_trajectory
+from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, WheelPath, dilated_by_wheel, wheel_path_over
+
+RADIUS_M = 0.45
+
+
+@st.composite
+def profiles(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray]:
+    """Heights up to +-1 mm in whole nanometres that start and end on the rail, unevenly spaced up to 10 mm."""
+    count = draw(st.integers(20, 60))
+    steps = draw(st.lists(st.floats(0.5e-3, 10e-3), min_size=count - 1, max_size=count - 1))
+    nanometres = draw(st.lists(st.integers(-(10**6), 10**6), min_size=count - 2, max_size=count - 2))
+    x = np.concatenate([[0.0], np.cumsum(steps)])
+    return x - x[-1] / 2, np.array([0, *nanometres, 0]) * 1e-9
+
+
+def heights(wheel_path: WheelPath) -> tuple[np.ndarray, np.ndarray]:
+    return wheel_path.start_m + RESAMPLED_STEP_M * np.arange(len(wheel_path.height_m)), wheel_path.height_m
+
+
+@given(st.lists(st.floats(-2e-3, 2e-3), min_size=30, max_size=120), st.floats(0.2, 1.0))
+def test_rolling_is_the_highest_rest_of_a_circle_on_the_points(surface: list[float], radius: float):
+    z = np.concatenate([np.zeros(400), surface, np.zeros(400)])
+    x = RESAMPLED_STEP_M * np.arange(len(z))
+    exact = brute_force_trajectory(x, z, x, radius)
+    np.testing.assert_allclose(dilated_by_wheel(z, RESAMPLED_STEP_M, radius), exact, atol=1e-12)
+
+
+@given(profiles())
+def test_wheel_never_sinks_into_the_profile_and_never_leaves_its_height(profile: tuple[np.ndarray, np.ndarray]):
+    x, z = profile
+    wheel_path = wheel_path_over(x, z, RADIUS_M)
+    place, height = heights(wheel_path)
+    assert height.max() <= z.max() + 1e-15
+    assert height.min() >= z.min() - 1e-15
+    assert height[0] == height[-1] == 0.0
+    on_grid = [i for i in range(len(x)) if abs(x[i] / RESAMPLED_STEP_M - round(x[i] / RESAMPLED_STEP_M)) < 1e-9]
+    for i in on_grid:
+        assert height[np.argmin(np.abs(place - x[i]))] >= z[i] - 1e-9
+
+
+@given(profiles())
+def test_mirrored_profile_gives_the_mirrored_trajectory(profile: tuple[np.ndarray, np.ndarray]):
+    x, z = profile
+    place, height = heights(wheel_path_over(x, z, RADIUS_M))
+    mirrored = wheel_path_over(-x[::-1], z[::-1], RADIUS_M)
+    np.testing.assert_allclose(heights(mirrored)[0], -place[::-1], atol=1e-12)
+    np.testing.assert_allclose(mirrored.height_m, height[::-1], atol=1e-15)
+
+
+@pytest.mark.parametrize("width_m", [0.010, 0.020, 0.030])
+def test_slot_is_bridged_to_the_depth_that_the_wheel_can_sink(width_m: float):
+    x = np.arange(-80, 81) * RESAMPLED_STEP_M
+    z = np.where(np.abs(x) < width_m / 2 - 1e-9, -1e-3, 0.0)
+    place, height = heights(wheel_path_over(x, z, RADIUS_M))
+    depth = RADIUS_M - np.sqrt(RADIUS_M**2 - (width_m / 2) ** 2)
+    assert height.min() == pytest.approx(-depth, rel=1e-6)
+    # On the way there the wheel pivots on the slot's near edge.
+    a = 2e-3
+    pivot = RADIUS_M - np.sqrt(RADIUS_M**2 - a**2)
+    assert height[np.argmin(np.abs(place - (a - width_m / 2)))] == pytest.approx(-pivot, rel=1e-6)
+
+
+def test_gentle_dip_is_followed_and_lifted_by_half_slope_squared_times_radius():
+    length, depth = 0.5, 0.2e-3  # sharpest curvature a fiftieth of the wheel's
+    x = np.arange(-500, 501) * 0.5e-3
+    place, height = heights(wheel_path_over(x, cosine_dip(x, length, depth), RADIUS_M))
+    profile = cosine_dip(place, length, depth)
+    slope = np.where(np.abs(place) < length / 2, depth * np.pi / length * np.sin(2 * np.pi * place / length), 0.0)
+    np.testing.assert_allclose(height - profile, slope**2 * RADIUS_M / 2, atol=0.05e-6)
+    assert np.abs(height - profile).max() > 0.3e-6
+
+
+def test_smooth_rail_stays_smooth():
+    x = np.linspace(-0.5, 0.5, 201)
+    wheel_path = wheel_path_over(x, np.zeros_like(x), RADIUS_M)
+    np.testing.assert_array_equal(wheel_path.height_m, 0.0)
+    assert wheel_path.start_m <= -0.5 < 0.5 <= wheel_path.end_m
+
+
+@pytest.mark.parametrize(("first", "last"), [(0.3e-3, -0.2e-3), (0.0, 0.4e-3), (-0.4e-3, 0.0)])
+def test_ends_off_the_rail_are_joined_without_a_step(first: float, last: float):
+    x = np.linspace(-0.5, 0.5, 201)
+    wheel_path = wheel_path_over(x, np.linspace(first, last, 201), RADIUS_M)
+    place, height = heights(wheel_path)
+    assert height[0] == height[-1] == 0.0
+    # Over half a metre a half cosine rises at most pi/2 times its mean slope.
+    steepest = 1.01 * np.pi / 2 * max(abs(first), abs(last)) / 0.5 + abs(last - first)
+    assert np.abs(np.diff(height)).max() <= steepest * RESAMPLED_STEP_M
+    np.testing.assert_allclose(np.interp([-0.5, 0.5], place, height), [first, last], atol=1e-6)
+    joins = [note for note in wheel_path.conditioning if "joined" in note]
+    assert len(joins) == (first != 0.0) + (last != 0.0)
+
+
+def test_trajectory_is_zero_outside_and_its_samples_inside(dip: Callable[..., WheelPath]):
+    wheel_path = dip(0.1, 0.1e-3)
+    place, height = heights(wheel_path)
+    np.testing.assert_allclose(wheel_path.at(place), height, atol=1e-15)
+    np.testing.assert_array_equal(wheel_path.at(np.array([-1.0, wheel_path.end_m + 1e-9, 9.0])), 0.0)
+
+
+def test_conditioning_names_what_was_done(dip: Callable[..., WheelPath]):
+    assert dip(0.1, 0.1e-3).conditioning == (
+        "resampled to 0.25 mm by shape-preserving cubics",
+        "rolled over by a wheel of radius 0.45 m",
+    )

@@ -1,0 +1,272 @@
+"""The report without a browser: what goes into the page, and what may not."""
+
+import base64
+import gzip
+import json
+import re
+import subprocess
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from tests.harness.reports import HOSTILE, ancient, entries, ground, hostile, undecided, unusable, weld
+from weld_force_ros.assessment.judge import assess
+from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.cli.main import main
+from weld_force_ros.errors import InputError
+from weld_force_ros.measurement.profile_file import find, read_profile
+from weld_force_ros.messages import encode
+from weld_force_ros.recording import replay, weld_records
+from weld_force_ros.recording.weld_records import Record, WeldRecord
+from weld_force_ros.report import pdf as printing
+from weld_force_ros.report.html_page import page
+from weld_force_ros.report.table_row import row
+from weld_force_ros.report.weld_detail import detail
+from weld_force_ros.simulation.settings import simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
+
+BAG = Path(__file__).parents[2] / "bags" / "demo"
+FIVE_HUNDRED_BYTES = 15_000_000
+WELD_BYTES = 25_000
+
+
+def run(capfd: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, list[str], str]:
+    code = main(list(arguments))
+    out, err = capfd.readouterr()
+    return code, out.splitlines(), err
+
+
+def made(of: list[Record]) -> str:
+    return page([row(n, e) for n, e in enumerate(of, 1)], [detail(e) for e in of], title="Rail welds", about="a test")
+
+
+def content(entry: Record) -> dict:
+    return json.loads(gzip.decompress(detail(entry)))
+
+
+class Elements(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: list[tuple[str, dict[str, str | None]]] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.found.append((tag, dict(attrs)))
+
+
+def elements(html: str) -> list[tuple[str, dict[str, str | None]]]:
+    parser = Elements()
+    parser.feed(html)
+    return parser.found
+
+
+def test_a_row_says_what_to_do_and_names_the_criterion_nearest_to_its_limit():
+    judged = weld("wheel-flat-0.9mm")
+    shown = row(3, judged)
+    assert (shown["n"], shown["weld"], shown["decision"]) == (3, "wheel-flat-0.9mm", "reject")
+    assert shown["worst"] == {"name": "contact_loss", "ratio": None, "passed": False, "verified": False}
+    assert shown["advice"].startswith("Renew the weld")
+    assert shown["unverified"] == shown["criteria"] == len(judged.verdict.criteria)
+
+
+def test_a_row_of_a_ground_weld_says_how_much_and_of_an_undecided_one_what_to_measure():
+    assert re.match(r"Grind off up to \d\.\d\d mm", row(1, ground())["advice"])
+    assert row(1, undecided())["advice"] == "Not decided: measure the weld's distance from the sleeper before it"
+    assert row(1, unusable())["advice"] == "sample 12: z is not a finite number: measure again"
+
+
+def test_nothing_said_about_speed_is_not_a_speed_of_nought():
+    assert "permitted_kmh" not in row(1, ancient())
+    assert row(1, weld("wheel-flat-0.9mm"))["permitted_kmh"] in (0.0, *range(1, 301))
+
+
+def test_a_criterion_that_does_not_decide_is_not_the_worst_of_a_row():
+    beside = {c.name for c in weld("wheel-flat-0.9mm").verdict.criteria if not c.decides}
+    assert beside
+    assert row(1, weld("wheel-flat-0.9mm"))["worst"]["name"] not in beside
+
+
+def test_details_hold_what_a_section_shows():
+    found = content(ground())
+    assert {"verdict", "map", "curves", "history", "profile", "grinding", "provenance"} <= found.keys()
+    assert len(found["history"]["x_m"]) <= 400
+    assert max(found["history"]["force_n"]) == pytest.approx(found["verdict"]["peak_force_n"], rel=2e-3)
+    assert {s["name"] for s in found["curves"]["series"]} >= {"peak_force", "dynamic_factor", "unloading"}
+    assert dict(found["provenance"])["limits, sha256"] == ground().verdict.limits_sha256
+
+
+def test_within_limits_over_speed_is_what_the_verdict_says():
+    judged = weld("wheel-flat-0.9mm")
+    curves = content(judged)["curves"]
+    for restriction in judged.verdict.restrictions:
+        at = curves["speeds_kmh"].index(restriction.speed_kmh)
+        assert all(s["within"][at] == "1" for s in curves["series"]) == restriction.within_limits
+
+
+def test_details_cope_with_all_that_old_recordings_lack():
+    found = content(ancient())
+    assert found.keys() == {"verdict", "map", "curves", "provenance"}
+    assert content(WeldRecord(ancient().verdict)).keys() == {"verdict", "provenance"}
+
+
+def test_the_page_is_the_same_for_the_same_welds():
+    assert made(entries()) == made(entries())
+
+
+def test_text_from_outside_never_becomes_markup():
+    benign = [e for e in entries() if not isinstance(e, WeldRecord)] + [weld("weld-1-dip")]
+    names = [tag for tag, _ in elements(made(hostile()))]
+    assert "img" not in names
+    assert names == [tag for tag, _ in elements(made([benign[-1], benign[0]]))]
+    html = page([], [], title=HOSTILE, about=HOSTILE)
+    assert [tag for tag, _ in elements(html)].count("script") == 4
+    assert "<img" not in html
+
+
+def test_only_the_scripts_of_the_page_may_run_and_nothing_may_be_asked_of_a_network():
+    html = made(entries())
+    policy = next(a["content"] for tag, a in elements(html) if a.get("http-equiv") == "Content-Security-Policy")
+    assert policy.startswith("default-src 'none'; script-src 'sha256-")
+    assert "unsafe-inline" not in policy.partition("style-src")[0]
+    assert "unsafe-eval" not in policy
+    assert "connect-src" not in policy
+    assert not [a for _, a in elements(html) if str(a.get("src") or a.get("href") or "").startswith(("http", "//"))]
+    assert "connect-src 'self'" in page([], [], title="t", live=True).replace("&#39;", "'")
+
+
+def test_plotly_is_packed_and_whole():
+    from plotly.offline import get_plotlyjs
+
+    packed = made([]).partition('id="plotly">')[2].partition("<")[0]
+    assert gzip.decompress(base64.b64decode(packed)).decode() == get_plotlyjs()
+
+
+def test_five_hundred_welds_of_the_full_grid_stay_within_budget():
+    profile = read_profile(find("weld-4-steep-ramp"))
+    simulator, limits = Simulator(simulation_settings()), load_limits()
+    found = assess(profile, simulator, limits)
+    full = WeldRecord(found.verdict, found.force_map, profile, found.history, simulator.settings, limits)
+    assert len(base64.b64encode(detail(full))) < WELD_BYTES
+    assert len(made([full] * 500).encode()) < FIVE_HUNDRED_BYTES
+
+
+def test_a_bag_becomes_a_page(capfd, tmp_path):
+    out = tmp_path / "new" / "report.html"
+    code, lines, err = run(capfd, "report", str(BAG), "-o", str(out))
+    assert (code, lines) == (0, [])
+    assert "written" in err
+    verdicts = replay.read(BAG).verdicts
+    rows = json.loads(re.search(r'id="rows">(.*?)</script>', out.read_text()).group(1))
+    assert [(r["weld"], r["decision"]) for r in rows] == [(v.weld_id, v.decision) for v in verdicts]
+
+
+def test_a_bag_is_judged_anew_with_limits_of_ones_own(capfd, tmp_path):
+    limits, out = tmp_path / "limits.yaml", tmp_path / "report.html"
+    limits.write_text(
+        "limits:\n- {name: peak_force, limit: 1.0, reject_limit: 2.0, unit: N, source: mine, verified: true}\n"
+    )
+    assert run(capfd, "report", str(BAG), "-o", str(out), "--limits", str(limits))[0] == 0
+    rows = json.loads(re.search(r'id="rows">(.*?)</script>', out.read_text()).group(1))
+    assert {r["decision"] for r in rows} == {"reject"}
+    assert {r["unverified"] for r in rows} == {0}
+
+
+def test_force_maps_alone_become_a_page(capfd, tmp_path):
+    maps, out = tmp_path / "maps.jsonl", tmp_path / "report.html"
+    lines = [encode(e.force_map).decode() for e in (weld("weld-1-dip"), weld("wheel-flat-0.9mm"))]
+    maps.write_text("\n".join(lines) + "\n\n")
+    assert run(capfd, "report", str(maps), "-o", str(out))[0] == 0
+    rows = json.loads(re.search(r'id="rows">(.*?)</script>', out.read_text()).group(1))
+    assert [(r["weld"], r["decision"]) for r in rows] == [
+        ("weld-1-dip", weld("weld-1-dip").verdict.decision),
+        ("wheel-flat-0.9mm", "reject"),
+    ]
+
+
+def test_maps_without_verdict_are_judged_and_rejections_stand_last(tmp_path):
+    found = weld("weld-1-dip")
+    recording = replay.Recording(tmp_path, None)
+    recording.force_maps.append(found.force_map)
+    recording.histories.append(found.history)
+    recording.rejections.append(unusable().rejection)
+    judged, refused = weld_records.recorded(recording, None, load_limits())
+    assert judged.verdict.decision == found.verdict.decision
+    assert judged.history is found.history
+    assert refused == unusable()
+
+
+def test_grinding_is_searched_for_what_is_not_accepted_and_known():
+    asked, done, failed = [], [], []
+
+    def grind(profile, settings, limits):
+        asked.append(profile.weld_id)
+        if profile.weld_id == "wheel-flat-0.9mm":
+            raise InputError("the grinder reaches no place", "measure more")
+        return ground().grinding
+
+    found = list(
+        weld_records.with_grinding(
+            entries(),
+            grind,
+            on_done=lambda: done.append(1),
+            on_failed=lambda one, error: failed.append((one.verdict.weld_id, str(error))),
+        )
+    )
+    assert len(found) == len(done) == len(entries())
+    assert [name for name, _ in failed] == ["wheel-flat-0.9mm"]
+    assert len(asked) == 1 + sum(e.grinding is not None for e in found if isinstance(e, WeldRecord))
+    assert not any(e.grinding for e in found if isinstance(e, WeldRecord) and e.verdict.decision == "accept")
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        (None, "No such file"),
+        ("", "holds no force map"),
+        ("not json\n", "line 1"),
+        ('{"schema_version": "9.0"}\n', "schema version 9.0"),
+        ('\n{"schema_version": "1.2"}\n', "line 2"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(capfd, tmp_path, text, part):
+    source = tmp_path / "maps.jsonl"
+    if text is not None:
+        source.write_text(text)
+    code, lines, err = run(capfd, "report", str(source), "-o", str(tmp_path / "report.html"))
+    assert (code, lines) == (2, [])
+    assert err.startswith("weld-force: ")
+    assert err.count("\n") == 1
+    assert part in err or text is None
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_an_unwritable_place_or_bad_limits_are_one_line(capfd, tmp_path):
+    for arguments in (
+        ["-o", "/proc/none/r.html"],
+        ["-o", str(tmp_path / "r.html"), "--limits", str(tmp_path / "no.yaml")],
+    ):
+        code, _, err = run(capfd, "report", str(BAG), *arguments)
+        assert code == 2
+        assert err.count("\n") == 1
+
+
+def test_without_a_browser_there_is_no_pdf_and_nothing_is_computed(capfd, tmp_path, monkeypatch):
+    monkeypatch.setenv(printing.BROWSER_VARIABLE, str(tmp_path / "no-browser"))
+    pdf, out = tmp_path / "report.pdf", tmp_path / "report.html"
+    code, _, err = run(capfd, "report", str(BAG), "-o", str(out), "--pdf", str(pdf))
+    assert code == 2
+    assert "no Chromium" in err
+    assert err.count("\n") == 1
+    assert not out.exists()
+
+
+def test_a_browser_that_prints_nothing_is_said(tmp_path, monkeypatch):
+    browser = tmp_path / "browser"
+    browser.write_text("#!/bin/sh\necho cannot open display >&2\nexit 1\n")
+    browser.chmod(0o755)
+    monkeypatch.setenv(printing.BROWSER_VARIABLE, str(browser))
+    with pytest.raises(InputError, match="cannot open display"):
+        printing.print_pdf(tmp_path / "page.html", tmp_path / "page.pdf")
+    monkeypatch.setattr(subprocess, "run", lambda *a, **k: (_ for _ in ()).throw(subprocess.TimeoutExpired("b", 1)))
+    with pytest.raises(InputError, match="took longer"):
+        printing.print_pdf(tmp_path / "page.html", tmp_path / "page.pdf")

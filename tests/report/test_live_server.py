@@ -1,0 +1,264 @@
+"""The dashboard without ROS: what a board keeps, and who a server answers."""
+
+import gzip
+import http.client
+import json
+import socket
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from tests.cli.test_show import force_map
+from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.errors import InputError
+from weld_force_ros.messages import (
+    ForceHistory,
+    Message,
+    Rejection,
+    SimulationSettings,
+    WeldProfile,
+    config_sha256,
+    profile_sha256,
+)
+from weld_force_ros.report.live_report import LiveReport
+from weld_force_ros.report.live_server import Server
+
+PAGE = "<!doctype html><title>page</title>"
+LIMITS = load_limits()
+
+
+def settings() -> SimulationSettings:
+    found = SimulationSettings(
+        config_sha256="",
+        track="bilbao",
+        track_definition="x",
+        engine="common-poles",
+        speeds_kmh=[40.0],
+        positions_m=[0.3],
+        wheel_mass_kg=700.0,
+        static_load_n=100e3,
+        wheel_radius_m=0.46,
+        hertz_n_per_m15=9e10,
+    )
+    return replace(found, config_sha256=config_sha256(found))
+
+
+def parts(weld_id: str) -> list[Message]:
+    """Profile, map, history and verdict of a weld."""
+    x = [0.005 * i for i in range(-30, 31)]
+    z = [-1e-4 * (1 - abs(i) / 30) for i in range(-30, 31)]
+    sha256, config = profile_sha256(x, z), settings().config_sha256
+    profile = WeldProfile(weld_id=weld_id, source=f"{weld_id}.csv", x_m=x, z_m=z, profile_sha256=sha256)
+    found = replace(force_map(weld_id), profile_sha256=sha256, config_sha256=config)
+    column = [0.0, 1.0]
+    history = ForceHistory(
+        weld_id=weld_id, profile_sha256=sha256, config_sha256=config, speed_kmh=40.0, position_m=0.3,
+        x_m=column, force_n=column, wheel_m=column, rail_m=column, irregularity_m=column,
+    )  # fmt: skip
+    return [profile, found, history, judge(found, LIMITS)]
+
+
+def rows(board: LiveReport, after: int = 0) -> list[dict]:
+    return json.loads(board.rows_after(after))
+
+
+def content(board: LiveReport, number: int) -> dict:
+    return json.loads(gzip.decompress(board.detail(number)))
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 2, 1, 0), (1, 3, 0, 2)])
+@pytest.mark.parametrize("settings_first", [True, False])
+def test_details_are_whole_in_whatever_order_messages_come(tmp_path, order, settings_first):
+    board, messages = LiveReport(tmp_path), parts("KM12")
+    in_force = [settings(), LIMITS]
+    for message in [*(in_force if settings_first else []), *(messages[i] for i in order)]:
+        board.take(message)
+    if not settings_first:
+        for message in in_force:
+            board.take(message)
+    (row,) = rows(board)
+    assert (row["n"], row["weld"]) == (1, "KM12")
+    found = content(board, 1)
+    assert {"verdict", "map", "curves", "history", "profile", "provenance"} <= set(found)
+    assert "wheel_m" in found["profile"]  # which needs the settings
+
+
+def test_a_row_is_there_before_its_map(tmp_path):
+    board = LiveReport(tmp_path)
+    board.take(parts("KM12")[3])
+    assert [row["weld"] for row in rows(board)] == ["KM12"]
+    assert content(board, 1)["verdict"]["weld_id"] == "KM12"
+
+
+def test_rejections_are_rows(tmp_path):
+    board = LiveReport(tmp_path)
+    board.take(Rejection(source="a.csv", reason="no units", remedy="state them"))
+    assert rows(board)[0]["decision"] == "unusable"
+    assert content(board, 1)["rejection"]["reason"] == "no units"
+
+
+def test_only_the_newest_are_kept_in_memory_and_on_disk(tmp_path):
+    board = LiveReport(tmp_path, newest=3)
+    for i in range(10):
+        for message in parts(f"weld-{i}"):
+            board.take(message)
+    assert [row["n"] for row in rows(board)] == [8, 9, 10]
+    assert [row["n"] for row in rows(board, 9)] == [10]
+    assert rows(board, 10) == rows(board, 10**9) == []
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["10.gz", "8.gz", "9.gz"]
+    assert board.detail(7) is None
+    assert board.count == 10
+
+
+def test_what_never_gets_its_verdict_is_given_up(tmp_path):
+    board = LiveReport(tmp_path)
+    for i in range(300):
+        board.take(parts(f"weld-{i}")[0])
+    assert len(board._making) == 256
+    board.take(parts("weld-0")[3])
+    assert "profile" not in content(board, 1)
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[Server]:
+    board = LiveReport(tmp_path)
+    for message in parts("KM12"):
+        board.take(message)
+    server = Server(board, PAGE, 0)
+    yield server
+    server.close()
+
+
+def ask(server: Server, path: str, method: str = "GET", **headers: str) -> tuple[http.client.HTTPResponse, bytes]:
+    port = int(server.url.rstrip("/").rpartition(":")[2])
+    with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=10)) as connection:
+        connection.request(method, path, headers=headers)
+        answer = connection.getresponse()
+        return answer, answer.read()
+
+
+def test_what_is_served(served):
+    for path, kind, expected in (
+        ("/", "text/html; charset=utf-8", PAGE.encode()),
+        ("/rows", "application/json", None),
+        ("/rows?after=1", "application/json", b"[]"),
+        ("/weld/1", "application/gzip", None),
+    ):
+        answer, data = ask(served, path)
+        assert (answer.status, answer.headers["Content-Type"]) == (200, kind)
+        assert expected in (None, data)
+        head, nothing = ask(served, path, "HEAD")
+        assert (head.status, head.headers["Content-Length"], nothing) == (200, str(len(data)), b"")
+    assert json.loads(ask(served, "/rows?after=0")[1])[0]["weld"] == "KM12"
+    assert json.loads(gzip.decompress(ask(served, "/weld/1")[1]))["verdict"]["weld_id"] == "KM12"
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/weld/2", "/weld/", "/weld/-1", "/weld/../../etc/passwd", "/weld/1.gz",
+        "/weld/%31", "/weld/" + "9" * 5000, "/nowhere", "/rows?after=",
+        "/rows?after=x", "/rows?after=-1", "/rows?after=" + "9" * 5000, "/rows?after=%D9%A1",
+    ],
+)  # fmt: skip
+def test_what_is_not_there(served, path):
+    assert ask(served, path)[0].status == 404
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "PATCH", "DELETE", "OPTIONS"])
+def test_it_is_to_be_read_only(served, method):
+    answer, _ = ask(served, "/rows", method)
+    assert (answer.status, answer.headers["Allow"]) == (405, "GET, HEAD")
+
+
+@pytest.mark.parametrize(
+    ("host", "status"),
+    [
+        ("localhost", 200), ("LocalHost:{port}", 200), ("127.0.0.1:{port}", 200), ("[::1]:{port}", 200),
+        ("rebound.example", 403), ("rebound.example:{port}", 403), ("127.0.0.1:1", 403), ("", 403),
+        ("localhost.example:{port}", 403), ("127.0.0.1.example", 403), ("localhost@rebound.example", 403),
+        ("192.168.1.7:{port}", 403), ("0.0.0.0:{port}", 403),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("path", ["/", "/rows", "/weld/1"])
+def test_only_who_asks_this_machine_is_answered(served, host, status, path):
+    port = served.url.rstrip("/").rpartition(":")[2]
+    answer, data = ask(served, path, Host=host.format(port=port))
+    assert answer.status == status
+    if status == 403:
+        assert b"KM12" not in data
+        assert PAGE.encode() not in data
+
+
+def test_two_hosts_or_none_are_refused(served):
+    port = int(served.url.rstrip("/").rpartition(":")[2])
+    for hosts in ("", f"Host: localhost:{port}\r\nHost: rebound.example\r\n"):
+        with socket.create_connection(("127.0.0.1", port), timeout=10) as connection:
+            connection.sendall(f"GET /rows HTTP/1.1\r\n{hosts}Connection: close\r\n\r\n".encode())
+            assert connection.recv(100).startswith(b"HTTP/1.1 403 ")
+
+
+@pytest.mark.parametrize("path", ["/", "/rows", "/weld/1", "/nowhere"])
+def test_headers_are_strict(served, path):
+    headers = ask(served, path)[0].headers
+    assert headers["Cache-Control"] == "no-store"
+    assert headers["X-Content-Type-Options"] == "nosniff"
+    assert headers["X-Frame-Options"] == "DENY"
+    assert headers["Referrer-Policy"] == "no-referrer"
+    assert headers["Cross-Origin-Resource-Policy"] == headers["Cross-Origin-Opener-Policy"] == "same-origin"
+    assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+    assert "Access-Control-Allow-Origin" not in headers
+    assert "Python" not in headers["Server"]
+
+
+def test_nonsense_is_refused_with_the_same_headers(served):
+    port = int(served.url.rstrip("/").rpartition(":")[2])
+    for line in (b"\x16\x03\x01 TLS?\r\n\r\n", b"BREW /rows HTTP/1.1\r\nHost: localhost\r\n\r\n"):
+        with socket.create_connection(("127.0.0.1", port), timeout=10) as connection:
+            connection.sendall(line)
+            answer = connection.recv(10_000)
+        assert b" 400 " in answer or b" 501 " in answer
+        assert b"Python" not in answer
+
+
+def test_it_listens_on_this_machine_only(served):
+    port = int(served.url.rstrip("/").rpartition(":")[2])
+    with closing(socket.socket()) as other, pytest.raises(ConnectionRefusedError):
+        other.connect(("127.0.0.2", port))
+
+
+def test_too_many_connections_are_turned_away_and_room_comes_again(served):
+    port = int(served.url.rstrip("/").rpartition(":")[2])
+    held = [socket.create_connection(("127.0.0.1", port), timeout=10) for _ in range(70)]
+    assert held[-1].recv(1) == b""
+    for connection in held:
+        connection.close()
+    for _ in range(100):
+        try:
+            assert ask(served, "/rows")[0].status == 200
+        except (ConnectionError, http.client.HTTPException):
+            continue
+        break
+    else:
+        pytest.fail("no room after all have gone")
+
+
+def test_a_used_port_is_one_clear_error(served, tmp_path):
+    port = int(served.url.rstrip("/").rpartition(":")[2])
+    with pytest.raises(InputError, match=f"port {port} is in use; give another one with --dashboard-port"):
+        Server(LiveReport(tmp_path), PAGE, port)
+
+
+def test_a_closed_server_lets_go_of_its_port(tmp_path):
+    first = Server(LiveReport(tmp_path), PAGE, 0)
+    port = int(first.url.rstrip("/").rpartition(":")[2])
+    kept_open = socket.create_connection(("127.0.0.1", port), timeout=10)
+    assert ask(first, "/rows")[0].status == 200  # so the connection before this one was taken
+    first.close()
+    assert kept_open.recv(1) == b""
+    kept_open.close()
+    Server(LiveReport(tmp_path), PAGE, port).close()

@@ -1,0 +1,237 @@
+"""The dashboard beside the suite: rows as verdicts come, whenever it joins; nothing else changes by it."""
+
+import gzip
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.harness.ros import DEADLINE_S, Outcomes, Probe, QuickSimulator, profile_text, wait_until
+from tests.ros.test_nodes_together import profile
+from weld_force_ros.errors import InputError
+from weld_force_ros.messages import Verdict, encode
+from weld_force_ros.report.pdf import find_browser
+from weld_force_ros.ros.launcher import KINDS, Kind, Suite, together
+
+pytest.importorskip("plotly")
+
+COUNT_REMOVED = """
+  window.removed = 0;
+  new MutationObserver((changes) => { for (const change of changes) removed += change.removedNodes.length; })
+    .observe(document.querySelector("table.welds tbody"), {childList: true});
+"""
+
+
+@contextmanager
+def running(
+    folder: Path, kinds: tuple[Kind, ...] = together(["dashboard"]), outcomes: Outcomes | None = None, bag: str = ""
+) -> Iterator[Suite]:
+    parameters: dict[Kind, dict[str, Any]] = {
+        "profile": {"folder": str(folder), "settle_s": 0.05},
+        "simulator": {"speeds": "40,80,120", "positions": "0.15,0.30"},
+        "assessment": {"bag": bag},
+        "dashboard": {"port": 0},
+    }
+    told = outcomes or Outcomes()
+    with Suite(
+        kinds, parameters=parameters, load_simulator=QuickSimulator, on_verdict=told, on_rejection=told
+    ) as suite:
+        yield suite
+
+
+def get(url: str) -> bytes:
+    with urllib.request.urlopen(url, timeout=DEADLINE_S) as answer:  # noqa: S310
+        return bytes(answer.read())
+
+
+def rows(url: str, count: int, after: int = 0) -> list[dict[str, Any]]:
+    """The rows, once there are so many."""
+    found: list[dict[str, Any]] = []
+
+    def enough() -> bool:
+        found[:] = json.loads(get(f"{url}rows?after={after}"))
+        return len(found) >= count
+
+    wait_until(enough)
+    return found
+
+
+def whole(url: str, number: int) -> dict[str, Any]:
+    """A weld's details, once its history has come."""
+    found: dict[str, Any] = {}
+
+    def complete() -> bool:
+        found.update(json.loads(gzip.decompress(get(f"{url}weld/{number}"))))
+        return "history" in found and "profile" in found
+
+    wait_until(complete)
+    return found
+
+
+def test_every_outcome_gets_its_row_and_its_details(domain_id: int, folder: Path, tmp_path: Path) -> None:
+    for i in range(5):
+        (folder / f"weld-{i}.csv").write_text(profile_text(100 + i))
+    (folder / "bad.csv").write_text("x,z\n1,nonsense\n")
+    outcomes = Outcomes()
+    with running(folder, outcomes=outcomes, bag=str(tmp_path / "bag")) as suite:
+        url = suite.nodes["dashboard"].url
+        assert "<title>Rail welds</title>" in get(url).decode()
+        found = rows(url, 6)
+        assert [row["n"] for row in found] == [1, 2, 3, 4, 5, 6]
+        by_weld = {row["weld"]: row for row in found}
+        assert by_weld.keys() == {"bad.csv", *(f"weld-{i}" for i in range(5))}
+        assert by_weld["bad.csv"]["decision"] == "unusable"
+        for verdict in outcomes.of(Verdict):
+            row = by_weld[verdict.weld_id]
+            assert row["decision"] == verdict.decision
+            details = whole(url, row["n"])
+            assert details["verdict"]["peak_force_n"] == pytest.approx(verdict.peak_force_n, rel=1e-4)
+            assert {"map", "curves", "provenance"} <= details.keys()
+        assert rows(url, 1, after=5) == found[5:]
+        assert suite.drain(10.0) == 0
+    with pytest.raises(urllib.error.URLError):
+        get(url)
+
+
+def test_it_may_join_late_and_come_again(domain_id: int, folder: Path) -> None:
+    for i in range(8):
+        (folder / f"weld-{i}.csv").write_text(profile_text(100 + i))
+    outcomes = Outcomes()
+    with running(folder, KINDS, outcomes):
+        outcomes.wait(8)
+        for _ in range(2):
+            with running(folder, ("dashboard",)) as late:
+                url = late.nodes["dashboard"].url
+                found = rows(url, 8)
+                assert sorted(row["weld"] for row in found) == [f"weld-{i}" for i in range(8)]
+                for row in found:
+                    assert {"map", "profile", "history"} <= whole(url, row["n"]).keys()
+
+
+def test_malformed_messages_neither_show_nor_stop_it(domain_id: int, folder: Path, probe: Probe) -> None:
+    with running(folder, ("simulator", "assessment", "dashboard")) as suite:
+        url = suite.nodes["dashboard"].url
+        for text in ("{not json", "", '{"schema_version": "2.0"}', "[" * 100_000):
+            probe.publish("verdict", text)
+            probe.publish("force_map", text)
+        probe.publish("weld_profile", encode(profile("good")).decode())
+        wait_until(lambda: any(row["weld"] == "good" for row in rows(url, 1)))
+
+
+def test_details_are_in_a_folder_that_is_gone_afterwards(domain_id: int, folder: Path, tmp_path: Path) -> None:
+    (folder / "weld.csv").write_text(profile_text(200))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tempfile.tempdir", str(tmp_path))
+        with running(folder) as suite:
+            whole(suite.nodes["dashboard"].url, rows(suite.nodes["dashboard"].url, 1)[0]["n"])
+            (kept,) = tmp_path.glob("weld-force-dashboard-*")
+            assert [path.name for path in kept.iterdir()] == ["1.gz"]
+    assert not kept.exists()
+
+
+@pytest.fixture
+def used_port() -> Iterator[int]:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        yield taken.getsockname()[1]
+
+
+def test_a_used_port_keeps_the_node_from_starting(domain_id: int, used_port: int) -> None:
+    with (
+        pytest.raises(InputError, match=f"port {used_port} is in use"),
+        Suite(("dashboard",), parameters={"dashboard": {"port": used_port}}),
+    ):
+        pass
+
+
+def up(folder: Path, *arguments: str) -> "subprocess.Popen[str]":
+    command = [sys.executable, "-m", "weld_force_ros.cli.main", "up", "--folder", str(folder), "--speeds", "40,80"]
+    return subprocess.Popen(
+        [*command, "--positions", "2", *arguments], stderr=subprocess.PIPE, text=True, env={**os.environ}
+    )
+
+
+def test_a_used_port_is_one_line_and_code_2(domain_id: int, folder: Path, used_port: int) -> None:
+    process = up(folder, "--dashboard", "--dashboard-port", str(used_port))
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 2
+    (line,) = [line for line in err.splitlines() if line.startswith("weld-force:")]
+    assert f"port {used_port} is in use; give another one with --dashboard-port" in line
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("arguments", [("--dashboard-port", "8765"), ("--dashboard", "--dashboard-port", "70000")])
+def test_a_port_without_dashboard_or_out_of_range_is_refused(domain_id: int, folder: Path, arguments: Any) -> None:
+    process = up(folder, *arguments)
+    _, err = process.communicate(timeout=60)
+    assert (process.returncode, len(err.splitlines())) == (2, 1)
+
+
+@pytest.mark.parametrize("how", [(), ("--processes",)])
+def test_up_serves_a_page_until_it_is_stopped(domain_id: int, folder: Path, how: tuple[str, ...]) -> None:
+    (folder / "weld.csv").write_text(profile_text(200))
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    url = f"http://127.0.0.1:{port}/"
+    process = up(folder, "--dashboard", "--dashboard-port", str(port), *how)
+
+    def served() -> bool:
+        assert process.poll() is None
+        try:
+            return bool(json.loads(get(f"{url}rows")))
+        except urllib.error.URLError:
+            return False
+
+    deadline = time.monotonic() + 60
+    while not served():
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    (row,) = json.loads(get(f"{url}rows"))
+    assert row["weld"] == "weld"
+    process.send_signal(signal.SIGTERM)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    assert re.search(rf"dashboard: {url}", err)
+    assert "Traceback" not in err
+
+
+def test_the_page_shows_a_verdict_within_a_second(domain_id: int, folder: Path) -> None:
+    browser = find_browser()
+    if browser is None:
+        pytest.skip("no Chromium was found on PATH (apt install chromium)")
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    outcomes = Outcomes()
+    with running(folder, outcomes=outcomes) as suite, playwright.sync_playwright() as started:
+        chromium = started.chromium.launch(executable_path=browser, args=["--no-sandbox", "--disable-dev-shm-usage"])
+        page, complaints, asked = chromium.new_page(), [], []
+        page.on("console", lambda message: complaints.append(message.text))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("request", lambda request: asked.append(request.url))
+        url = suite.nodes["dashboard"].url
+        page.goto(url)
+        for i in range(3):
+            (folder / f"weld-{i}.csv").write_text(profile_text(100 + i))
+            outcomes.wait(i + 1)
+            page.wait_for_selector(f'a[href="#weld-{i + 1}"]', timeout=5_000 if i == 0 else 1_000)
+            if i == 0:
+                page.evaluate(COUNT_REMOVED)
+        assert page.evaluate("removed") == 0  # rows that are there stay: two thousand laid out anew take seconds
+        page.click('a[href="#weld-1"]')
+        page.wait_for_selector("#weld .js-plotly-plot .main-svg", timeout=30_000)
+        chromium.close()
+    assert complaints == []
+    assert all(request.startswith((url, "data:", "blob:")) for request in asked)

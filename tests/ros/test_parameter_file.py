@@ -1,0 +1,130 @@
+"""Parameter files: what is read, what is refused, and that schema, reader and shipped file agree."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+import yaml
+
+from weld_force_ros.errors import InputError
+from weld_force_ros.ros.parameter_file import (
+    PARAMETERS,
+    check,
+    config_schema,
+    default_config,
+    effective,
+    read_config,
+    settings_of_simulator,
+    shipped_config,
+)
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "config.yaml"
+    path.write_text(text)
+    return path
+
+
+def parameters(**given: Any) -> dict[str, Any]:
+    return {"/**/simulator_node": {"ros__parameters": given}}
+
+
+def test_shipped_file_is_the_table_at_its_defaults() -> None:
+    assert shipped_config().read_text() == default_config()
+    config = read_config(shipped_config())
+    for node, rows in PARAMETERS.items():
+        assert effective(config, node, "") == {row.name: row.default for row in rows}
+
+
+def test_shipped_schema_is_the_table_s() -> None:
+    schema = json.loads(shipped_config().with_name("schema.json").read_text())
+    assert schema == config_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(yaml.safe_load(shipped_config().read_text()), schema)
+
+
+@pytest.mark.parametrize(
+    ("config", "complaint"),
+    [
+        ({"/**/simulator": {"ros__parameters": {}}}, "names none of"),
+        ({"/**/simulator_node": {"parameters": {}}}, "ros__parameters"),
+        (parameters(trak="bilbao"), "trak"),
+        (parameters(track=5), "str"),
+        (parameters(wheel_mass_kg=-1.0), "wheel_mass_kg"),
+        (parameters(wheel_mass_kg="heavy"), "wheel_mass_kg"),
+        (parameters(speeds=True), "speeds"),
+        ({"/**/profile_node": {"ros__parameters": {"settle_s": 1e9}}}, "settle_s"),
+        ({"/**/trolley_node": {"ros__parameters": {"seed": 1.5}}}, "seed"),
+    ],
+)
+def test_file_that_no_node_could_start_with_is_refused_by_reader_and_schema(
+    tmp_path: Path, config: dict[str, Any], complaint: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        read_config(written(tmp_path, yaml.safe_dump(config)))
+    assert complaint in str(caught.value)
+    assert "\n" not in str(caught.value)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(config, config_schema())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "- 1",
+        "a: &x 1\nb: *x",
+        "!!python/object/apply:os.system ['true']",
+        "{" * 2000,
+        "\x00",
+        "/**/simulator_node: 3",
+    ],
+)
+def test_what_is_no_parameter_file_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+    with pytest.raises(InputError, match=r"default\.yaml") as caught:
+        read_config(written(tmp_path, text))
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"nowhere\.yaml"):
+        read_config(tmp_path / "nowhere.yaml")
+
+
+@pytest.mark.parametrize(
+    ("pattern", "namespace", "meant"),
+    [
+        ("/**/simulator_node", "", True),
+        ("/**/simulator_node", "/left", True),
+        ("/**/simulator_node", "depot/left", True),
+        ("/*/simulator_node", "/left", True),
+        ("/*/simulator_node", "", False),
+        ("/left/simulator_node", "/left/", True),
+        ("/left/simulator_node", "/right", False),
+        ("simulator_node", "", True),
+        ("/**/profile_node", "/left", False),
+    ],
+)
+def test_pattern_names_nodes_as_ros_reads_it(pattern: str, namespace: str, meant: bool) -> None:
+    config = {pattern: {"ros__parameters": {"track": "johansson-nielsen"}}}
+    assert effective(config, "simulator_node", namespace) == ({"track": "johansson-nielsen"} if meant else {})
+
+
+def test_later_lines_go_before_earlier_ones() -> None:
+    config = parameters(track="bilbao", speeds="40") | {"/left/simulator_node": {"ros__parameters": {"speeds": "80"}}}
+    assert effective(config, "simulator_node", "left") == {"track": "bilbao", "speeds": "80"}
+
+
+@pytest.mark.parametrize(
+    ("value", "speeds"), [("40,80", [40, 80]), ([40, 80], [40, 80]), (60, [60]), ("20:40:10", [20, 30, 40])]
+)
+def test_lists_may_have_any_form_that_yaml_makes_of_them(value: Any, speeds: list[float]) -> None:
+    check("simulator_node", {"speeds": value})
+    assert settings_of_simulator({"speeds": value}).speeds_kmh == speeds
+
+
+def test_settings_that_cannot_be_simulated_are_refused_before_a_node_starts() -> None:
+    with pytest.raises(InputError, match="fast"):
+        check("simulator_node", {"speeds": "fast"})

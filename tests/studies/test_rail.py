@@ -1,0 +1,59 @@
+"""Study `rail`: both rails side by side."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from weld_force_ros.cli import main
+from weld_force_ros.physics.track.beam import StripRail
+from weld_force_ros.simulation import section_file, track_file
+from weld_force_ros.studies import rail
+
+
+@pytest.fixture(scope="module")
+def studied(tmp_path_factory):
+    out = tmp_path_factory.mktemp("rail")
+    assert main.main(["study", "rail", "--quick", "--out", str(out), "--json", str(out / "measured.json")]) == 0
+    return out
+
+
+def test_page_pictures_and_tables_are_there(studied):
+    folder = studied / "rail"
+    for name in ("dispersion", "receptances", "differences", "forces", "waves"):
+        assert (folder / f"rail-{name}.png").stat().st_size > 10_000
+        assert (folder / f"rail-{name}.svg").exists()
+    page = (studied / "rail.html").read_text(encoding="utf-8")
+    assert page.count("<img") == 5
+    assert "http" not in page.split("<body")[1].replace("http://www.w3.org", "")
+
+
+def test_what_is_measured_is_what_a_beam_leads_to_expect_at_low_frequency(studied):
+    measured = json.loads((studied / "measured.json").read_text())
+    assert np.abs(np.array(measured["rail.static_ratio"]) - 1).max() < 0.02
+    assert measured["rail.most_apart_below_500hz"] < 0.05
+    assert measured["rail.bending_wavenumber_ratio_300hz"] == pytest.approx(1, abs=0.01)
+
+
+def test_rows_say_where_the_rails_part(studied):
+    with (studied / "rail" / "parting.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["at_m"]) for row in rows] == [0.0, 0.15, 0.3]
+    for row in rows:
+        first, second = (float(row[f"over_{share}_percent_hz"]) for share in (5, 10))
+        assert 500 < first <= second < 5000
+
+
+def test_either_rail_of_a_track_is_made_from_the_other():
+    beam = track_file.load("bilbao")
+    strips = rail.with_strips(beam, section_file.load("54E1").dimensions)
+    assert isinstance(strips.track.rail, StripRail)
+    assert rail.with_beam(strips).track == beam.track
+
+
+def test_unknown_section_is_refused_in_a_line(capsys, tmp_path):
+    assert main.main(["study", "rail", "--section", "61E1", "--out", str(tmp_path)]) == 2
+    error = capsys.readouterr().err
+    assert "61E1" in error
+    assert error.count("\n") == 1
