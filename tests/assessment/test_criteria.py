@@ -8,7 +8,7 @@ from weld_force_ros.assessment.criteria import CRITERIA, FORCE_CRITERIA, geometr
 from weld_force_ros.assessment.limits import applies, load_limits
 from weld_force_ros.messages import Limit, NormPoint, ProfileMeasures, SpeedCurve, WeldProfile, profile_sha256
 from weld_force_ros.physics.passage.wheel import Wheel
-from weld_force_ros.simulation.force_map_view import passages
+from weld_force_ros.simulation.force_map_view import Passages
 from weld_force_ros.simulation.simulator import profile_measures
 
 STATIC_N = 100e3
@@ -36,7 +36,7 @@ CURVE = SpeedCurve(
     ],
 )
 def test_force_criteria_by_hand(name: str, by_hand: list[float]):
-    values = FORCE_CRITERIA[name](passages(CURVE, STATIC_N, (2,)))
+    values = FORCE_CRITERIA[name](Passages.of_message(CURVE, STATIC_N, (2,)))
     assert values == pytest.approx(by_hand)
 
 

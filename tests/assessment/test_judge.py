@@ -1,5 +1,6 @@
 import contextlib
 import threading
+import time
 from pathlib import Path
 
 import msgspec
@@ -11,13 +12,15 @@ from hypothesis import strategies as st
 from msgspec import UNSET
 
 from weld_force_ros.assessment.criteria import CRITERIA
-from weld_force_ros.assessment.judge import assess, judge
+from weld_force_ros.assessment.judge import assess, deciding_history, judge
 from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement.shapes import cosine_dip
 from weld_force_ros.messages import (
+    AssessmentSettings,
     ForceHistory,
     ForceMap,
+    Limit,
     SimulationSettings,
     Stamp,
     Verdict,
@@ -277,3 +280,36 @@ def test_own_limits_decide(force_map: ForceMap, tmp_path: Path):
     verdict = judge(force_map, load_limits(path))
     assert verdict.decision == "reject"
     assert (verdict.criteria[0].source, verdict.criteria[0].verified) == ("ours", True)
+
+
+@pytest.mark.parametrize(("name", "limit"), [("unloading", 1e-3), ("contact_loss", 1e-9), ("p2_force", 1.0)])
+def test_the_history_is_that_of_the_passage_that_decided(simulator: Simulator, name: str, limit: float):
+    rule = Limit(name=name, limit=limit, reject_limit=2 * limit, unit="", source="by hand")
+    limits = AssessmentSettings(limits_sha256="0" * 64, limits=[rule])
+    deep = profile(depth_m=1.5e-3)
+    found = assess(deep, simulator, limits)
+    (criterion,) = found.verdict.criteria
+    assert (found.history.speed_kmh, found.history.position_m) == (criterion.speed_kmh, criterion.position_m)
+    again = deciding_history(deep, simulator, found.force_map, limits)
+    assert again.force_n == found.history.force_n
+    by_peak = deciding_history(deep, simulator, found.force_map)
+    assert (by_peak.speed_kmh, by_peak.position_m) == (found.verdict.worst_speed_kmh, found.verdict.worst_position_m)
+
+
+def test_the_history_of_a_weld_that_its_geometry_decides_on_is_that_of_the_highest_peak(simulator: Simulator):
+    rule = Limit(name="straightedge", limit=1e-9, reject_limit=1.0, unit="m", source="by hand")
+    found = assess(profile(), simulator, AssessmentSettings(limits_sha256="0" * 64, limits=[rule]))
+    assert found.verdict.decision == "grind"
+    assert (found.history.speed_kmh, found.history.position_m) == (
+        found.verdict.worst_speed_kmh, found.verdict.worst_position_m,
+    )  # fmt: skip
+
+
+def test_each_weld_of_a_batch_took_its_own_share_of_the_time(simulator: Simulator):
+    welds = [profile(depth_m=depth * 1e-5) for depth in range(1, 17)]
+    began = time.perf_counter()
+    took = [force_map.elapsed_s for force_map in simulator.force_maps(welds)]
+    total = time.perf_counter() - began
+    assert min(took) > 0.0
+    assert sum(took) <= total
+    assert max(took) < total / 2  # not the whole batch's on the first

@@ -38,50 +38,50 @@ def hump(summit_n: float) -> np.ndarray:
 def test_a_hump_is_told_in_words_and_numbers():
     found = advise(SPEEDS, passages(hump(180e3)), [limit(170e3)])
     # 110 + 70 (v - 20) / 60 = 170 at 71.4 km/h; 180 - 60 (v - 80) / 30 = 170 at 85 km/h
-    assert found.permitted_kmh == 71.0
-    assert found.avoid == (SpeedBand(from_kmh=72.0, to_kmh=84.0),)
+    assert found.permitted_speed_kmh == 71.0
+    assert found.avoid == [SpeedBand(from_kmh=72.0, to_kmh=84.0)]
     assert [(h.from_kmh, h.lowest_kmh, h.depth_n) for h in found.hollows] == [
         (pytest.approx(80.0, abs=0.5), pytest.approx(110.0, abs=0.5), pytest.approx(60e3, rel=0.01))
     ]
-    assert found.maxima_kmh == pytest.approx((80.0,), abs=0.5)
+    assert found.maxima_kmh == pytest.approx([80.0], abs=0.5)
     by_speed = {r.speed_kmh: r for r in found.restrictions}
     assert list(by_speed) == [160.0, 140.0, 120.0, 100.0, 80.0, 60.0, 40.0, 20.0]
     assert by_speed[80.0].change == pytest.approx(0.2)
     assert [speed for speed, r in by_speed.items() if r.within_limits] == [60.0, 40.0, 20.0]
-    assert found.words[0] == "forces are within limits up to 71 km/h"
-    assert "slowing from 160 to 80 km/h raises the peak by 20 %" in found.words
-    assert "slowing from 160 to 60 km/h raises the peak by 4 % and brings it within limits" in found.words
-    assert found.step_kmh == 1.0
+    assert found.advice[0] == "forces are within limits up to 71 km/h"
+    assert "slowing from 160 to 80 km/h raises the peak by 20 %" in found.advice
+    assert "slowing from 160 to 60 km/h raises the peak by 4 % and brings it within limits" in found.advice
+    assert found.advice_step_kmh == 1.0
 
 
 def test_rising_force_permits_up_to_its_limit_and_nothing_gets_worse():
     found = advise(SPEEDS, passages(np.linspace(110e3, 180e3, len(SPEEDS))), [limit(145e3)])
-    assert (found.permitted_kmh, found.hollows, found.maxima_kmh) == (90.0, (), ())
-    assert found.avoid == (SpeedBand(from_kmh=91.0, to_kmh=160.0),)
-    assert not any("raises" in words for words in found.words)
+    assert (found.permitted_speed_kmh, found.hollows, found.maxima_kmh) == (90.0, [], [])
+    assert found.avoid == [SpeedBand(from_kmh=91.0, to_kmh=160.0)]
+    assert not any("raises" in words for words in found.advice)
 
 
 def test_nothing_is_permitted_where_the_lowest_speed_is_over():
     found = advise(SPEEDS, passages(np.full(len(SPEEDS), 150e3)), [limit(140e3)])
-    assert found.permitted_kmh is None
-    assert "20 km/h already" in found.words[0]
+    assert found.permitted_speed_kmh is UNSET
+    assert "20 km/h already" in found.advice[0]
 
 
 def test_limits_by_line_speed_are_those_of_the_restricted_line():
     limits = [limit(130e3, to_kmh=100.0), limit(120e3, above_kmh=100.0)]
     found = advise(SPEEDS, passages(np.full(len(SPEEDS), 125e3)), limits)
-    assert found.permitted_kmh == 100.0
-    assert found.avoid == (SpeedBand(from_kmh=101.0, to_kmh=160.0),)
+    assert found.permitted_speed_kmh == 100.0
+    assert found.avoid == [SpeedBand(from_kmh=101.0, to_kmh=160.0)]
 
 
 def test_what_does_not_decide_does_not_restrict():
     found = advise(SPEEDS, passages(hump(180e3)), [limit(170e3, decides=False), limit(1e-3, "straightedge")])
-    assert (found.permitted_kmh, found.avoid) == (160.0, ())
+    assert (found.permitted_speed_kmh, found.avoid) == (160.0, [])
 
 
 def test_one_speed_is_no_curve_and_still_gets_its_advice():
     found = advise(np.array([80.0]), passages(np.array([150e3])), [limit(170e3)])
-    assert (found.permitted_kmh, found.hollows, len(found.restrictions)) == (80.0, (), 1)
+    assert (found.permitted_speed_kmh, found.hollows, len(found.restrictions)) == (80.0, [], 1)
 
 
 def as_profile(weld: SyntheticWeld) -> WeldProfile:

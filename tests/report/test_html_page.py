@@ -90,7 +90,17 @@ def test_details_hold_what_a_section_shows():
     found = content(ground())
     assert {"verdict", "map", "curves", "history", "profile", "grinding", "provenance"} <= found.keys()
     assert len(found["history"]["x_m"]) <= 400
-    assert max(found["history"]["force_n"]) == pytest.approx(found["verdict"]["peak_force_n"], rel=2e-3)
+    history, verdict, force_map = found["history"], found["verdict"], found["map"]
+    deciding = max(
+        [c for c in verdict["criteria"] if c["decides"]],
+        key=lambda c: float("inf") if c["ratio"] is None else c["ratio"],
+    )
+    assert (history["speed_kmh"], history["position_m"]) == (deciding["speed_kmh"], deciding["position_m"])
+    row = force_map["speeds_kmh"].index(history["speed_kmh"])
+    peak_n = force_map["peak_n"][
+        row * len(force_map["positions_m"]) + force_map["positions_m"].index(history["position_m"])
+    ]
+    assert max(history["force_n"]) == pytest.approx(peak_n, rel=2e-3)
     assert {s["name"] for s in found["curves"]["series"]} >= {"peak_force", "dynamic_factor", "unloading"}
     assert dict(found["provenance"])["limits, sha256"] == ground().verdict.limits_sha256
 

@@ -12,6 +12,7 @@ from weld_force_ros.measurement.shapes import cosine_dip
 from weld_force_ros.measurement.synthetic_welds import population
 from weld_force_ros.messages import ForceMap, Rules, WeldProfile, profile_sha256
 from weld_force_ros.physics.passage.wheel_path import wheel_path_over
+from weld_force_ros.simulation.force_map_view import relevant_range
 from weld_force_ros.simulation.settings import simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
 
@@ -50,7 +51,7 @@ def test_a_scaled_up_weld_never_gets_a_milder_verdict(scaled: list[list[ForceMap
         before = [0] * 4
         for force_map in maps:
             found = {
-                unknown: verdict.evaluate(force_map, limits.limits, Rules(unknown_position=unknown))
+                unknown: verdict.evaluate(relevant_range(force_map), limits.limits, Rules(unknown_position=unknown))
                 for unknown in ("worst", "undecided")
             }
             now = [SEVERITY.index(place.decision) for place in found["worst"].by_position]

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from weld_force_ros import SOFTWARE
 from weld_force_ros.assessment.criteria import FORCE_CRITERIA, gradient_norm_rad
 from weld_force_ros.assessment.grinding_search import Grinder, Profile, Removal, least_removal
-from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.judge import judge_relevant
 from weld_force_ros.assessment.limits import applies, decides
 from weld_force_ros.messages import (
     AssessmentSettings,
@@ -38,7 +38,6 @@ from weld_force_ros.physics.analysis.geometry import largest_gradient, straighte
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.engines.greens_function import GreensFunctionModel
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
-from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.wheel_path import wheel_path_over
 from weld_force_ros.simulation import track_file
 from weld_force_ros.simulation.force_map_view import Passages, RelevantMap, relevant_range
@@ -76,21 +75,11 @@ class _Rolling:
         with ThreadPoolExecutor() as pool:
             wheel_paths = list(pool.map(lambda p: wheel_path_over(p[0], p[1], wheel.radius_m), profiles))
         peak_maps = self.vehicle_track.peak_maps(wheel_paths, self.speeds_kmh, self.positions_m, low_passed=low_passed)
-        return [
-            Passages(wheel.static_load_n, s.peak_force_n, s.min_force_n, s.contact_loss_s, *_low_passed(s))
-            for s in peak_maps
-        ]
+        return [Passages.of_peak_map(peak_map, wheel.static_load_n) for peak_map in peak_maps]
 
     def at(self, rows: Indices, columns: Indices) -> "_Rolling":
         """Some of the speeds and positions."""
         return replace(self, speeds_kmh=self.speeds_kmh[rows], positions_m=self.positions_m[columns])
-
-
-def _low_passed(peak_map: PeakMap) -> tuple[FloatArray | None, FloatArray | None]:
-    if peak_map.low_passed_n is None:
-        return None, None
-    below_120hz, below_20hz = peak_map.low_passed_n
-    return below_120hz, below_20hz
 
 
 class _Limits:
@@ -138,7 +127,7 @@ class _Limits:
     def _excess(self, limit: Limit, profile: Profile, passages: Passages) -> FloatArray:
         if limit.name == "contact_loss" and limit.limit <= 0:
             # Contact is lost or it is not: how near a passage is to it, the least force says.
-            return _KEPT - passages.min_n / passages.static_n + passages.contact_loss_s / _LOST_S
+            return _KEPT - passages.min_force_n / passages.static_load_n + passages.contact_loss_s / _LOST_S
         values = self._values(limit.name, profile, passages)
         return values / limit.limit - 1 if limit.limit > 0 else values - limit.limit
 
@@ -208,12 +197,14 @@ class Adviser:
         """
         began = time.perf_counter()
         map_before = self._simulator.force_map(profile)
-        before, judged = judge(map_before, self._limits), relevant_range(map_before)
-        found = _Found(self._nothing(profile), 0.0) if _within(before) else self._search(profile, judged, on_step)
+        relevant = relevant_range(map_before)
+        before = judge_relevant(relevant, self._limits)
+        found = _Found(self._nothing(profile), 0.0) if _within(before) else self._search(profile, relevant, on_step)
         # What does not help is not advised, however near it comes.
         removal = found.removal if found.excess <= 0 else self._nothing(profile)
         map_after = _as_finely_measured(self._simulator.force_map(_ground(profile, removal)), map_before)
-        after = judge(map_after, self._limits)
+        relevant_after = relevant_range(map_after)
+        after = judge_relevant(relevant_after, self._limits)
         return GrindingAdvice(
             weld_id=profile.weld_id,
             profile_sha256=profile.profile_sha256,
@@ -233,9 +224,9 @@ class Adviser:
             decision_after=after.decision,
             before=before.criteria,
             after=after.criteria,
-            speeds_kmh=judged.speeds_kmh.tolist(),
-            peak_before_n=judged.passages.peak_n.max(axis=1).tolist(),
-            peak_after_n=relevant_range(map_after).passages.peak_n.max(axis=1).tolist(),
+            speeds_kmh=relevant.speeds_kmh.tolist(),
+            peak_before_n=relevant.worst_over_positions.peak_force_n.tolist(),
+            peak_after_n=relevant_after.worst_over_positions.peak_force_n.tolist(),
             reference_checked=found.checked,
             reference_within=found.within,
             reference_peak_n=UNSET if found.peak_n is None else found.peak_n,
@@ -246,11 +237,11 @@ class Adviser:
         x, z = np.array(profile.x_m), np.array(profile.z_m)
         return least_removal(x, z, lambda profiles: np.full((len(profiles), 1), -1.0), self._grinder)
 
-    def _search(self, profile: WeldProfile, judged: RelevantMap, on_step: Callable[[], None]) -> _Found:
+    def _search(self, profile: WeldProfile, relevant: RelevantMap, on_step: Callable[[], None]) -> _Found:
         """Search, look where else limits are exceeded, ask the reference, until what was found stands both."""
-        limits, x, z = _Limits(self._limits, judged.line_kmh), np.array(profile.x_m), np.array(profile.z_m)
-        fully = _Rolling(self._simulator.vehicle_track, judged.speeds_kmh, judged.positions_m)
-        excess = limits.excess((x, z), judged.passages)
+        limits, x, z = _Limits(self._limits, relevant.line_kmh), np.array(profile.x_m), np.array(profile.z_m)
+        fully = _Rolling(self._simulator.vehicle_track, relevant.speeds_kmh, relevant.positions_m)
+        excess = limits.excess((x, z), relevant.passages)
         limits.watch(excess)
         looked_at = _added(_spread(fully), _worst_axes(excess))
         best, begin, checks = _Found(self._nothing(profile), _worst(excess).max()), None, 0
@@ -288,7 +279,7 @@ class Adviser:
         by_reference = limits.excess(ground, passages)
         within = _by_passage(by_reference) <= 0
         checked = replace(
-            found, checked=within.size, within=int(within.sum()), peak_n=float(passages.peak_n.max())
+            found, checked=within.size, within=int(within.sum()), peak_n=float(passages.peak_force_n.max())
         )  # fmt: skip
         return checked, by_reference
 

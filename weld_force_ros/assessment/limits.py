@@ -1,6 +1,6 @@
 """Read limits and rules, and say which of them hold on a line of a speed."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -28,30 +28,35 @@ from weld_force_ros.simulation.force_map_view import Passages
 
 
 def applies(limit: Limit, line_kmh: float) -> bool:
-    """Whether a limit holds on a line of a speed."""
-    return bool(in_force(limit, np.array(line_kmh)))
+    """Return whether a limit holds on a line of a speed."""
+    return bool(_in_force(limit, np.array(line_kmh)))
 
 
-def in_force(limit: Limit, lines_kmh: FloatArray) -> NDArray[np.bool_]:
-    """Whether a limit holds on lines of some speeds."""
+def _in_force(limit: Limit, lines_kmh: FloatArray) -> NDArray[np.bool_]:
     above = 0.0 if isinstance(limit.above_kmh, UnsetType) else limit.above_kmh
     upto = np.inf if isinstance(limit.to_kmh, UnsetType) else limit.to_kmh
     return np.asarray((above < lines_kmh) & (lines_kmh <= upto))
 
 
 def decides(limit: Limit) -> bool:
-    """Whether a decision hangs on a limit."""
+    """Return whether the decision depends on a limit; it is informative only otherwise."""
     return limit.decides is not False
 
 
-def held_values(
-    speeds_kmh: FloatArray, at: Passages, limits: Sequence[Limit]
-) -> Iterator[tuple[Limit, NDArray[np.bool_], FloatArray]]:
-    """Deciding limits of force, whether each holds on lines of some speeds, and its criterion's values there."""
+def within_limits(speeds_kmh: FloatArray, worst: Passages, limits: Sequence[Limit]) -> NDArray[np.bool_]:
+    """Return whether each speed is within the force limits, of those that decide, for a line of that speed.
+
+    Args:
+        speeds_kmh: (n,).
+        worst: (n,), the worst over positions at each speed.
+        limits: those for geometry criteria, which do not depend on speed, are left out.
+    """
+    within = np.ones(len(speeds_kmh), dtype=np.bool_)
     for limit in limits:
-        values = FORCE_CRITERIA[limit.name](at) if decides(limit) and limit.name in FORCE_CRITERIA else None
+        values = FORCE_CRITERIA[limit.name](worst) if decides(limit) and limit.name in FORCE_CRITERIA else None
         if values is not None:
-            yield limit, in_force(limit, speeds_kmh), values
+            within &= ~_in_force(limit, speeds_kmh) | (values <= limit.limit)
+    return within
 
 
 def check(limits: Sequence[Limit]) -> None:
@@ -68,7 +73,7 @@ class _LimitsFile(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def load_limits(path: Path | None = None) -> AssessmentSettings:
-    """Limits and rules from a YAML file of the form of `data/limits/default.yaml`, which is the default.
+    """Read limits and rules from a YAML file of the form of `data/limits/default.yaml`, which is the default.
 
     A bare list of limits will do: the worst position then counts, and any sampling is good enough.
 
@@ -99,7 +104,7 @@ def load_limits(path: Path | None = None) -> AssessmentSettings:
 
 
 def _limit(row: dict[str, Any]) -> Limit:
-    """A limit as a file states it; messages may hold fields of later versions, files no misspelt ones."""
+    """Read a limit strictly: messages may hold fields of later versions, files no misspelt ones."""
     unknown = row.keys() - set(Limit.__struct_fields__)
     if unknown:
         raise ValueError(f"limit {row.get('name', '')}: {', '.join(sorted(unknown))} is unknown")
@@ -107,12 +112,12 @@ def _limit(row: dict[str, Any]) -> Limit:
 
 
 def ratio(criterion: Criterion) -> float:
-    """Value over limit; beyond a limit of zero it is infinite."""
+    """Return value over limit, infinite beyond a limit of zero."""
     if criterion.limit > 0:
         return criterion.value / criterion.limit
     return 0.0 if criterion.passed else float("inf")
 
 
 def worst(criteria: Sequence[Criterion]) -> Criterion:
-    """The criterion nearest to its limit or farthest beyond it, of those that the decision hangs on."""
+    """Return the criterion nearest to its limit or farthest beyond it, of those that decide if there are any."""
     return max([c for c in criteria if c.decides] or criteria, key=ratio)

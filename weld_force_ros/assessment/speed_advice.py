@@ -1,17 +1,19 @@
-"""What to say about speed: force is not monotonic in it, so that a restriction can make things worse.
+"""Advise on speed: force is not monotonic in it, so that a speed restriction can make things worse.
 
-A speed counts as within limits if every force criterion is on which the decision hangs; limits for lines of certain
-speeds are those of a line whose speed it is. What the geometry says by itself does not hang on speed and is left out.
+A speed is within limits if every force criterion that decides is; limits for lines of certain speeds are those of a
+line of that speed. Geometry criteria do not depend on speed and are left out.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict
 
+import msgspec
 import numpy as np
+from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
 
-from weld_force_ros.assessment.limits import held_values
-from weld_force_ros.messages import HollowBand, Limit, Restriction, SpeedBand
+from weld_force_ros.assessment.limits import within_limits
+from weld_force_ros.messages import CurveClass, HollowBand, Limit, Restriction, SpeedBand
 from weld_force_ros.physics.analysis.speed_curve import curve_features
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.simulation.force_map_view import Passages
@@ -20,89 +22,71 @@ RESTRICTION_STEP_KMH = 20.0
 _WORTH_SAYING = 0.01  # of the peak
 
 
-@dataclass(frozen=True)
-class Advice:
-    """What a force-speed curve says to whoever sets the speed; see `weld_force_ros.messages.Verdict`."""
+class SpeedAdvice(msgspec.Struct, frozen=True, kw_only=True):
+    """What a force-speed curve says to whoever sets the speed: fields of `weld_force_ros.messages.Verdict`."""
 
-    permitted_kmh: float | None
-    avoid: tuple[SpeedBand, ...]
-    restrictions: tuple[Restriction, ...]
-    maxima_kmh: tuple[float, ...]
-    hollows: tuple[HollowBand, ...]
-    words: tuple[str, ...]
-    step_kmh: float
+    curve_class: CurveClass
+    maxima_kmh: list[float]
+    hollows: list[HollowBand]
+    permitted_speed_kmh: float | UnsetType
+    avoid: list[SpeedBand]
+    restrictions: list[Restriction]
+    advice: list[str]
+    advice_step_kmh: float
 
 
-def advise(speeds_kmh: FloatArray, worst: Passages, limits: Sequence[Limit]) -> Advice:
-    """Advice on speed.
+def advise(speeds_kmh: FloatArray, worst: Passages, limits: Sequence[Limit]) -> SpeedAdvice:
+    """Return advice on speed.
 
     Args:
         speeds_kmh: (n,), increasing, up to the line's speed.
-        worst: (n,), the worst over all positions that count at each speed.
-        limits: those for criteria of force count.
+        worst: (n,), the worst over all relevant positions at each speed.
+        limits: those for force criteria count.
     """
-    upto_within, beyond = _within(speeds_kmh, worst, limits)
-    first_bad = int(np.argmin(upto_within)) if not upto_within.all() else len(speeds_kmh)
-    permitted = float(speeds_kmh[first_bad - 1]) if first_bad else None
-    restrictions = _restrictions(speeds_kmh, worst.peak_n, upto_within)
-    maxima, hollows = _shape(speeds_kmh, worst.peak_n)
-    return Advice(
-        permitted_kmh=permitted,
-        avoid=_bands(speeds_kmh, beyond),
-        restrictions=restrictions,
+    up_to_within = within_limits(speeds_kmh, worst.accumulated(), limits)
+    within_up_to = len(speeds_kmh) if up_to_within.all() else int(np.argmin(up_to_within))
+    permitted = float(speeds_kmh[within_up_to - 1]) if within_up_to else None
+    restrictions = _restrictions(speeds_kmh, worst.peak_force_n, up_to_within)
+    maxima, hollows = _shape(speeds_kmh, worst.peak_force_n)
+    return SpeedAdvice(
+        curve_class="hollow" if hollows else "rises",
         maxima_kmh=maxima,
         hollows=hollows,
-        words=(_on_permitted(permitted, speeds_kmh), *_on_restrictions(restrictions), *_on_hollows(hollows)),
-        step_kmh=float(np.diff(speeds_kmh).max()) if len(speeds_kmh) > 1 else 1.0,
+        permitted_speed_kmh=UNSET if permitted is None else permitted,
+        avoid=_bands(speeds_kmh, ~within_limits(speeds_kmh, worst, limits)),
+        restrictions=restrictions,
+        advice=[_on_permitted(permitted, speeds_kmh), *_on_restrictions(restrictions), *_on_hollows(hollows)],
+        advice_step_kmh=float(np.diff(speeds_kmh).max()) if len(speeds_kmh) > 1 else 1.0,
     )
 
 
-def _within(
-    speeds_kmh: FloatArray, worst: Passages, limits: Sequence[Limit]
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Whether all speeds up to each are within the limits of a line of that speed, and whether each itself is not."""
-    upto_within = np.ones(len(speeds_kmh), dtype=bool)
-    beyond = np.zeros(len(speeds_kmh), dtype=bool)
-    for limit, held, values in held_values(speeds_kmh, worst, limits):
-        upto_within &= ~held | (np.maximum.accumulate(values) <= limit.limit)
-        beyond |= held & (values > limit.limit)
-    return upto_within, beyond
-
-
-def _bands(speeds_kmh: FloatArray, inside: NDArray[np.bool_]) -> tuple[SpeedBand, ...]:
+def _bands(speeds_kmh: FloatArray, inside: NDArray[np.bool_]) -> list[SpeedBand]:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]))).reshape(-1, 2)
-    return tuple(
-        SpeedBand(from_kmh=float(speeds_kmh[first]), to_kmh=float(speeds_kmh[last - 1])) for first, last in edges
-    )
+    return [SpeedBand(from_kmh=float(speeds_kmh[first]), to_kmh=float(speeds_kmh[last - 1])) for first, last in edges]
 
 
-def _restrictions(
-    speeds_kmh: FloatArray, peak_n: FloatArray, upto_within: NDArray[np.bool_]
-) -> tuple[Restriction, ...]:
-    """The highest speed, then every step below it; each at the nearest computed speed that is not above it."""
+def _restrictions(speeds_kmh: FloatArray, peak_n: FloatArray, up_to_within: NDArray[np.bool_]) -> list[Restriction]:
+    """Return the highest speed, then every step below it; each at the nearest computed speed that is not above it."""
     top = float(speeds_kmh[-1])
     below = np.arange(np.ceil(top / RESTRICTION_STEP_KMH) - 1, 0, -1) * RESTRICTION_STEP_KMH
     at = np.searchsorted(speeds_kmh, [top, *below[below >= speeds_kmh[0]]], side="right") - 1
-    return tuple(
+    return [
         Restriction(
             speed_kmh=float(speeds_kmh[i]),
             peak_force_n=float(peak_n[i]),
             change=float(peak_n[i] / peak_n[-1] - 1),
-            within_limits=bool(upto_within[i]),
+            within_limits=bool(up_to_within[i]),
         )
         for i in dict.fromkeys(at.tolist())
-    )
+    ]
 
 
-def _shape(speeds_kmh: FloatArray, peak_n: FloatArray) -> tuple[tuple[float, ...], tuple[HollowBand, ...]]:
+def _shape(speeds_kmh: FloatArray, peak_n: FloatArray) -> tuple[list[float], list[HollowBand]]:
     if len(speeds_kmh) < 3:
-        return (), ()
+        return [], []
     features = curve_features(speeds_kmh, peak_n)
-    hollows = (
-        HollowBand(from_kmh=h.from_kmh, lowest_kmh=h.lowest_kmh, to_kmh=h.to_kmh, depth_n=h.depth_n)
-        for h in features.hollows
-    )
-    return tuple(maximum.speed_kmh for maximum in features.maxima), tuple(hollows)
+    hollows = [HollowBand(**asdict(hollow)) for hollow in features.hollows]
+    return [maximum.speed_kmh for maximum in features.maxima], hollows
 
 
 def _on_permitted(permitted_kmh: float | None, speeds_kmh: FloatArray) -> str:
@@ -115,7 +99,7 @@ def _on_permitted(permitted_kmh: float | None, speeds_kmh: FloatArray) -> str:
 
 
 def _on_restrictions(restrictions: Sequence[Restriction]) -> list[str]:
-    """The mildest restriction that helps, if one is needed, and the one that harms most, if one does."""
+    """Describe the mildest restriction that helps, if one is needed, and the one that harms most, if one does."""
     top, *slower = restrictions
     harms = max(slower, key=lambda r: r.change, default=top)
     helps = next((r for r in slower if r.within_limits), None)

@@ -1,4 +1,4 @@
-"""Limits and rules -> decision: what a force map means for a weld.
+"""Evaluate a force map against limits and rules, to a decision.
 
 Every criterion within its limit: accept. One beyond its reject limit: reject. Else: grind. `undecided` where the input
 cannot support that: the place in the span is unknown and the decision depends on it, or nothing is exceeded but
@@ -6,8 +6,8 @@ something that could be was not seen, because samples are too far apart or a cri
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
+import msgspec
 import numpy as np
 from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
@@ -25,7 +25,6 @@ from weld_force_ros.assessment.probability import influences
 from weld_force_ros.messages import (
     Criterion,
     Decision,
-    ForceMap,
     Limit,
     NormPoint,
     PositionOutcome,
@@ -33,7 +32,7 @@ from weld_force_ros.messages import (
     UncertaintyResult,
 )
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.simulation.force_map_view import RelevantMap, passages, relevant_range
+from weld_force_ros.simulation.force_map_view import Passages, RelevantMap
 
 WORST_POSITION = Rules(unknown_position="worst")
 """The rules of recordings that state none."""
@@ -42,15 +41,14 @@ _RESOLVED_BY_SAMPLES = 2  # a wave: the sampling theorem
 _SEVERITY: tuple[Decision, ...] = ("accept", "grind", "reject")
 
 
-@dataclass(frozen=True)
-class Evaluation:
-    """What the criteria say of one weld."""
+class Evaluation(msgspec.Struct, frozen=True, kw_only=True):
+    """What the criteria say of one weld: fields of `weld_force_ros.messages.Verdict`."""
 
     decision: Decision
     reason: str
-    criteria: tuple[Criterion, ...]
-    unjudged: tuple[str, ...]
-    by_position: tuple[PositionOutcome, ...]
+    criteria: list[Criterion]
+    unjudged: list[str]
+    by_position: list[PositionOutcome]
     peak_force_n: float
     worst_speed_kmh: float
     worst_position_m: float
@@ -58,25 +56,16 @@ class Evaluation:
     judged_speed_kmh: float
 
 
-@dataclass
-class _Evaluated:
-    """Criteria in the order of their limits, with what each decides at every position."""
-
-    criteria: list[Criterion] = field(default_factory=list)
-    severities: list[NDArray[np.int64]] = field(default_factory=list)
-    unjudged: list[str] = field(default_factory=list)
-
-
 def evaluate(
-    force_map: ForceMap,
+    relevant: RelevantMap,
     limits: Sequence[Limit],
     rules: Rules = WORST_POSITION,
     gradient_norm: Sequence[NormPoint] = (),
 ) -> Evaluation:
-    """Hold a force map against limits.
+    """Evaluate the relevant part of a force map against limits.
 
     Args:
-        force_map: of one weld.
+        relevant: of one weld's map.
         limits: those that are for other line speeds are passed over.
         rules: how they become a decision.
         gradient_norm: of the quality index, see `weld_force_ros.assessment.criteria.geometry_value`.
@@ -85,66 +74,50 @@ def evaluate(
         InputError: a limit for a criterion that does not exist.
     """
     check(limits)
-    judged = relevant_range(force_map)
-    weighed = _Evaluated()
+    criteria, unjudged = list[Criterion](), list[str]()
+    severity = np.zeros(len(relevant.positions_m), dtype=np.int64)
     for limit in limits:
-        if applies(limit, judged.line_kmh):
-            _evaluate_limit(weighed, limit, judged, force_map, gradient_norm)
-    row, column = np.unravel_index(np.argmax(judged.passages.peak_n), judged.passages.peak_n.shape)
-    peak, speed = float(judged.passages.peak_n[row, column]), float(judged.speeds_kmh[row])
-    position = float(judged.positions_m[column])
-    by_position = np.max([np.zeros(len(judged.positions_m), dtype=np.int64), *weighed.severities], axis=0)
-    decision, doubt = _decide(by_position, judged, force_map, rules, speed, weighed.unjudged)
-    failed = [c.name for c in weighed.criteria if not c.passed and c.decides]
-    beside = [c.name for c in weighed.criteria if not c.passed and not c.decides]
-    worst = f"peak {peak / 1e3:.0f} kN at {speed:g} km/h, weld {position * 100:.0f} cm after the sleeper"
-    found = f"over the limit: {', '.join(failed)}" if failed else "all within limits"
-    if beside:
-        found += f" (not counted: {', '.join(beside)})"
-    known = isinstance(force_map.weld_position_m, float)
-    outcomes = (
-        PositionOutcome(position_m=float(at), decision=_SEVERITY[severity])
-        for at, severity in zip(judged.positions_m, by_position, strict=True)
-    )
+        if not applies(limit, relevant.line_kmh):
+            continue
+        values = _values(limit.name, relevant, gradient_norm)
+        if values is None:
+            unjudged += [limit.name] if decides(limit) else []
+            continue
+        criterion = _criterion(limit, values, relevant)
+        spread = relevant.force_map.spread
+        if isinstance(spread, UncertaintyResult):
+            criterion = _with_probability(criterion, limit, spread, relevant, gradient_norm)
+        criteria.append(criterion)
+        if decides(limit):
+            at_positions = values.max(axis=0)
+            beyond = (at_positions > limit.limit) + (at_positions > limit.reject_limit).astype(np.int64)
+            severity = np.maximum(severity, beyond)
+    row, column = relevant.peak_index
+    decision, doubts = _decide(severity, relevant, rules, unjudged)
     return Evaluation(
         decision=decision,
-        reason="; ".join([worst, found, *doubt]),
-        criteria=tuple(weighed.criteria),
-        unjudged=tuple(weighed.unjudged),
-        by_position=() if known else tuple(outcomes),
-        peak_force_n=peak,
-        worst_speed_kmh=speed,
-        worst_position_m=position,
-        worst_x_m=float(judged.peak_x_m[row, column]),
-        judged_speed_kmh=float(judged.speeds_kmh[-1]),
+        reason="; ".join([*_findings(relevant, criteria), *doubts]),
+        criteria=criteria,
+        unjudged=unjudged,
+        by_position=[] if isinstance(relevant.force_map.weld_position_m, float) else _outcomes(relevant, severity),
+        peak_force_n=float(relevant.passages.peak_force_n[row, column]),
+        worst_speed_kmh=float(relevant.speeds_kmh[row]),
+        worst_position_m=float(relevant.positions_m[column]),
+        worst_x_m=float(relevant.peak_x_m[row, column]),
+        judged_speed_kmh=float(relevant.speeds_kmh[-1]),
     )
 
 
-def _evaluate_limit(
-    weighed: _Evaluated, limit: Limit, judged: RelevantMap, force_map: ForceMap, gradient_norm: Sequence[NormPoint]
-) -> None:
-    """Hold what can happen against one limit."""
-    if limit.name in GEOMETRY_CRITERIA:
-        value = geometry_value(limit.name, force_map.measures, judged.line_kmh, gradient_norm)
-        values = None if value is None else np.full((1, len(judged.positions_m)), value)
-    else:
-        values = FORCE_CRITERIA[limit.name](judged.passages)
-    if values is None:
-        if decides(limit):
-            weighed.unjudged.append(limit.name)
-        return
-    criterion = _criterion(limit, values, judged)
-    if isinstance(force_map.spread, UncertaintyResult):
-        criterion = _with_probability(criterion, limit, force_map.spread, judged, gradient_norm)
-    weighed.criteria.append(criterion)
-    if not decides(limit):
-        return
-    at_positions = values.max(axis=0)
-    weighed.severities.append((at_positions > limit.limit) + (at_positions > limit.reject_limit).astype(np.int64))
+def _values(name: str, relevant: RelevantMap, gradient_norm: Sequence[NormPoint]) -> FloatArray | None:
+    """Return a criterion's values, (n_speed, n_position) or of geometry (1, n_position); None if not computed."""
+    if name not in GEOMETRY_CRITERIA:
+        return FORCE_CRITERIA[name](relevant.passages)
+    value = geometry_value(name, relevant.force_map.measures, relevant.line_kmh, gradient_norm)
+    return None if value is None else np.full((1, len(relevant.positions_m)), value)
 
 
-def _criterion(limit: Limit, values: FloatArray, judged: RelevantMap) -> Criterion:
-    row, column = np.unravel_index(np.argmax(values), values.shape)
+def _criterion(limit: Limit, values: FloatArray, relevant: RelevantMap) -> Criterion:
+    row, column = relevant.index_of_largest(values)
     value = float(values[row, column])
     criterion = Criterion(
         name=limit.name,
@@ -163,9 +136,9 @@ def _criterion(limit: Limit, values: FloatArray, judged: RelevantMap) -> Criteri
         return criterion
     return replace(
         criterion,
-        speed_kmh=float(judged.speeds_kmh[row]),
-        position_m=float(judged.positions_m[column]),
-        x_m=float(judged.peak_x_m[row, column]) if limit.name in AT_THE_PEAK else UNSET,
+        speed_kmh=float(relevant.speeds_kmh[row]),
+        position_m=float(relevant.positions_m[column]),
+        x_m=float(relevant.peak_x_m[row, column]) if limit.name in AT_THE_PEAK else UNSET,
     )
 
 
@@ -173,11 +146,11 @@ def _with_probability(
     criterion: Criterion,
     limit: Limit,
     spread: UncertaintyResult,
-    judged: RelevantMap,
+    relevant: RelevantMap,
     gradient_norm: Sequence[NormPoint],
 ) -> Criterion:
-    """The criterion with the share of samples beyond its limits, and what the value varies with."""
-    values = _sampled(limit.name, spread, judged, gradient_norm)
+    """Return the criterion with the share of samples beyond its limits, and what its value depends on most."""
+    values = _sampled(limit.name, spread, relevant, gradient_norm)
     if values is None:
         return criterion
     shares = influences(values, spread)
@@ -192,52 +165,69 @@ def _with_probability(
 
 
 def _sampled(
-    name: str, spread: UncertaintyResult, judged: RelevantMap, gradient_norm: Sequence[NormPoint]
+    name: str, spread: UncertaintyResult, relevant: RelevantMap, gradient_norm: Sequence[NormPoint]
 ) -> FloatArray | None:
-    """A criterion's value of every sample, (n_sample, n_position), or (n_sample, 1) of what the geometry says."""
+    """Return a criterion's value of every sample, (n_sample, n_position), or of geometry (n_sample, 1)."""
     if name == "straightedge":
         return np.array(spread.straightedge_m)[:, None]
     if name == "quality_index":
-        return np.array(spread.gradient_rad)[:, None] / gradient_norm_rad(judged.line_kmh, gradient_norm)
+        return np.array(spread.gradient_rad)[:, None] / gradient_norm_rad(relevant.line_kmh, gradient_norm)
     shape = (len(spread.support_factor), len(spread.positions_m))
-    return FORCE_CRITERIA[name](passages(spread, judged.passages.static_n, shape))
+    return FORCE_CRITERIA[name](Passages.of_message(spread, relevant.passages.static_load_n, shape))
+
+
+def _findings(relevant: RelevantMap, criteria: Sequence[Criterion]) -> tuple[str, str]:
+    """Describe the highest peak, and which limits are exceeded."""
+    row, column = relevant.peak_index
+    peak_kn = relevant.passages.peak_force_n[row, column] / 1e3
+    speed_kmh, position_cm = relevant.speeds_kmh[row], relevant.positions_m[column] * 100
+    failed = [c.name for c in criteria if not c.passed and c.decides]
+    informative = [c.name for c in criteria if not c.passed and not c.decides]
+    return (
+        f"peak {peak_kn:.0f} kN at {speed_kmh:g} km/h, weld {position_cm:.0f} cm after the sleeper",
+        (f"over the limit: {', '.join(failed)}" if failed else "all within limits")
+        + (f" (not counted: {', '.join(informative)})" if informative else ""),
+    )
+
+
+def _outcomes(relevant: RelevantMap, severity: NDArray[np.int64]) -> list[PositionOutcome]:
+    return [
+        PositionOutcome(position_m=float(at), decision=_SEVERITY[level])
+        for at, level in zip(relevant.positions_m, severity, strict=True)
+    ]
 
 
 def _decide(
-    by_position: NDArray[np.int64],
-    judged: RelevantMap,
-    force_map: ForceMap,
-    rules: Rules,
-    worst_speed_kmh: float,
-    unjudged: Sequence[str],
+    severity: NDArray[np.int64], relevant: RelevantMap, rules: Rules, unjudged: Sequence[str]
 ) -> tuple[Decision, list[str]]:
-    """The decision, and what stands in the way of one: what is missing and what to do about it."""
-    worst = _SEVERITY[by_position.max()]
-    unknown = isinstance(force_map.weld_position_m, UnsetType)
-    if unknown and rules.unknown_position == "undecided" and by_position.min() != by_position.max():
-        where = _by_stretches(judged.positions_m, by_position)
+    """Return the decision, and what stands in the way of one: what is missing and what to do about it."""
+    worst = _SEVERITY[severity.max()]
+    unknown = isinstance(relevant.force_map.weld_position_m, UnsetType)
+    if unknown and rules.unknown_position == "undecided" and severity.min() != severity.max():
+        where = _by_stretches(relevant.positions_m, severity)
         return "undecided", [f"{where}: measure the weld's distance from the sleeper before it"]
-    doubts = [*_unseen(force_map, rules, worst_speed_kmh), *(f"{name} was not computed" for name in unjudged)]
+    doubts = [*_unseen(relevant, rules), *(f"{name} was not computed" for name in unjudged)]
     return ("undecided" if worst == "accept" and doubts else worst), doubts
 
 
-def _unseen(force_map: ForceMap, rules: Rules, worst_speed_kmh: float) -> list[str]:
-    """What samples too far apart do not show, in words; nothing if they are near enough, or their distance unknown."""
-    if isinstance(force_map.measures, UnsetType) or not rules.resolved_hz:
+def _unseen(relevant: RelevantMap, rules: Rules) -> list[str]:
+    """Describe what samples too far apart do not show; nothing if they are close enough, or their spacing unknown."""
+    measures, worst_speed_kmh = relevant.force_map.measures, float(relevant.speeds_kmh[relevant.peak_index[0]])
+    if isinstance(measures, UnsetType) or not rules.resolved_hz:
         return []
-    shortest_m = _RESOLVED_BY_SAMPLES * force_map.measures.spacing_m
+    shortest_m = _RESOLVED_BY_SAMPLES * measures.spacing_m
     resolved_hz = worst_speed_kmh / 3.6 / shortest_m
     if resolved_hz >= rules.resolved_hz:
         return []
     needed_mm = 1e3 * worst_speed_kmh / 3.6 / rules.resolved_hz / _RESOLVED_BY_SAMPLES
     return [
-        f"samples {force_map.measures.spacing_m * 1e3:.3g} mm apart do not show waves below {shortest_m * 1e3:.3g} mm, "
+        f"samples {measures.spacing_m * 1e3:.3g} mm apart do not show waves below {shortest_m * 1e3:.3g} mm, "
         f"which act above {resolved_hz:.0f} Hz at {worst_speed_kmh:g} km/h: measure every {needed_mm:.2g} mm or closer"
     ]
 
 
 def _by_stretches(positions_m: FloatArray, by_position: NDArray[np.int64]) -> str:
-    """`accept at 12 to 40 cm after the sleeper, grind at 0 to 8 and 44 to 56 cm`."""
+    """Describe decisions as `accept at 12 to 40 cm after the sleeper, grind at 0 to 8 and 44 to 56 cm`."""
     parts = []
     for severity in np.unique(by_position):
         inside = np.concatenate([[False], by_position == severity, [False]])

@@ -87,7 +87,7 @@ def simulate(
     plot: Annotated[Path | None, typer.Option(help="Picture of each weld (several: a number is added).")] = None,
 ) -> None:
     """Peak force of measured welds at every speed and position."""
-    from weld_force_ros.assessment.judge import worst_history
+    from weld_force_ros.assessment.judge import deciding_history
     from weld_force_ros.cli import terminal
     from weld_force_ros.measurement.profile_file import PlainForm, find, read_profile
 
@@ -119,7 +119,7 @@ def simulate(
 
                 picture = plot if len(profiles) == 1 else plot.with_stem(f"{plot.stem}-{number}")
                 figures.save(
-                    figures.one_weld(profile, force_map, worst_history(profile, simulator, force_map)), picture
+                    figures.one_weld(profile, force_map, deciding_history(profile, simulator, force_map)), picture
                 )
     if maps:
         terminal.show_maps(maps)

@@ -5,8 +5,8 @@ import math
 
 import plotext
 
-from weld_force_ros.messages import ForceMap, SpeedCurve, Verdict
-from weld_force_ros.simulation.force_map_view import relevant_range
+from weld_force_ros.messages import ForceMap, Verdict
+from weld_force_ros.simulation.force_map_view import force_curve, relevant_range
 
 _HEIGHT = 18
 _MOST_TICKS = 8
@@ -22,7 +22,8 @@ def curve_plot(force_map: ForceMap, verdict: Verdict, *, width: int, unicode: bo
         width: in characters.
         unicode: whether more than ASCII can be shown.
     """
-    speeds, peaks = _worst_over_positions(force_map)
+    speeds_kmh, worst = force_curve(relevant_range(force_map))
+    speeds, peaks = speeds_kmh.tolist(), (worst.peak_force_n / 1e3).tolist()
     lines = {"static": force_map.static_load_n / 1e3}
     lines.update(("limit", c.limit / 1e3) for c in verdict.criteria if c.name == "peak_force")
     low, high = min(*peaks, *lines.values()), max(*peaks, *lines.values())
@@ -44,14 +45,6 @@ def curve_plot(force_map: ForceMap, verdict: Verdict, *, width: int, unicode: bo
     figure.draw(figure.signal(speeds, peaks, marker="braille" if unicode else "*").lines(True))
     drawn = figure.build().string(colorless=True)
     return "\n".join(line.rstrip() for line in (drawn if unicode else drawn.translate(_ASCII)).splitlines())
-
-
-def _worst_over_positions(force_map: ForceMap) -> tuple[list[float], list[float]]:
-    """Speeds in km/h, and the greatest peak in kN at each: from the curve, or as fine as the map where it has none."""
-    if isinstance(force_map.curve, SpeedCurve):
-        return force_map.curve.speeds_kmh, [peak / 1e3 for peak in force_map.curve.peak_force_n]
-    judged = relevant_range(force_map)
-    return judged.speeds_kmh.tolist(), (judged.passages.peak_n.max(axis=1) / 1e3).tolist()
 
 
 def _ticks(low: float, high: float) -> tuple[list[float], list[str]]:

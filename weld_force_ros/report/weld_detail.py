@@ -28,7 +28,7 @@ from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
 from weld_force_ros.recording.weld_records import Record, WeldRecord
 from weld_force_ros.report.numbers import decimals, short, significant, thinned
 from weld_force_ros.report.table_row import what_to_measure
-from weld_force_ros.simulation.force_map_view import Passages, passages, relevant_range
+from weld_force_ros.simulation.force_map_view import force_curve, relevant_range
 
 MOST_POINTS = 400
 _LONGEST_RAW_TEXT = 4_000
@@ -109,7 +109,7 @@ def _hollow(force_map: ForceMap, shape: tuple[int, int]) -> np.ndarray:
 
 def _curves(force_map: ForceMap, verdict: Verdict, limits: AssessmentSettings | None) -> dict[str, Any]:
     """Every force criterion over speed, the worst over the positions that count, with the limits it is held against."""
-    speeds, worst = _worst_over_positions(force_map)
+    speeds, worst = force_curve(relevant_range(force_map))
     series = []
     for name in dict.fromkeys(["peak_force", *(c.name for c in verdict.criteria)]):
         values = FORCE_CRITERIA[name](worst) if name in FORCE_CRITERIA else None
@@ -151,23 +151,6 @@ def _limit(limit: Limit | Criterion) -> dict[str, Any]:
     return {name: value for name, value in content.items() if value is not None}
 
 
-def _worst_over_positions(force_map: ForceMap) -> tuple[FloatArray, Passages]:
-    """From the curve up to the highest speed computed, else from the map up to the line's speed."""
-    curve, static_n = force_map.curve, force_map.static_load_n
-    if curve is not UNSET:
-        return np.array(curve.speeds_kmh), passages(curve, static_n, (len(curve.speeds_kmh),))
-    judged = relevant_range(force_map)
-    at = judged.passages
-    return judged.speeds_kmh, Passages(
-        static_n,
-        at.peak_n.max(axis=1),
-        at.min_n.min(axis=1),
-        at.contact_loss_s.max(axis=1),
-        None if at.p2_n is None else at.p2_n.max(axis=1),
-        None if at.below_20hz_n is None else at.below_20hz_n.max(axis=1),
-    )
-
-
 def _best_over_positions(force_map: ForceMap) -> dict[str, Any] | None:
     """The least peak over the positions that count, speed by speed; None if there is but one."""
     judged = relevant_range(force_map)
@@ -175,7 +158,7 @@ def _best_over_positions(force_map: ForceMap) -> dict[str, Any] | None:
         return None
     return {
         "speeds_kmh": short(judged.speeds_kmh.tolist()),
-        "peak_n": decimals(judged.passages.peak_n.min(axis=1), -2),
+        "peak_n": decimals(judged.passages.peak_force_n.min(axis=1), -2),
     }
 
 

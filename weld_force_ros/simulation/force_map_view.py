@@ -1,18 +1,21 @@
-"""View the part of a force map that counts: up to the line's speed, at the weld's place."""
+"""View the part of a force map that is relevant: up to the line's speed, at the weld's position in the span."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
 from msgspec import UnsetType
 from numpy.typing import NDArray
 
-from weld_force_ros.messages import ForceMap
+from weld_force_ros.messages import ForceMap, SpeedCurve
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.passage.peak_map import PeakMap
 
 
 class PassageColumns(Protocol):
-    """A message's columns of passages: a map's, a curve's, or samples'."""
+    """The columns in which a message holds passages: a map's, a curve's, or samples'."""
 
     peak_force_n: list[float]
     min_force_n: list[float]
@@ -23,53 +26,109 @@ class PassageColumns(Protocol):
 
 @dataclass(frozen=True)
 class Passages:
-    """Passages over a weld, arrays of one shape; None where low-passed forces were not computed.
+    """Results of passages over a weld, arrays of one shape under the names of the messages' columns.
 
     Attributes:
-        static_n: static wheel load.
-        peak_n: greatest contact force.
-        min_n: least contact force.
+        static_load_n: static wheel load.
+        peak_force_n: maximum contact force.
+        min_force_n: minimum contact force.
         contact_loss_s: time without contact.
-        p2_n: greatest force below 120 Hz.
-        below_20hz_n: greatest force below 20 Hz.
+        p2_force_n: maximum force below 120 Hz; None if it was not computed.
+        force_20hz_n: maximum force below 20 Hz; None if it was not computed.
     """
 
-    static_n: float
-    peak_n: FloatArray
-    min_n: FloatArray
+    static_load_n: float
+    peak_force_n: FloatArray
+    min_force_n: FloatArray
     contact_loss_s: FloatArray
-    p2_n: FloatArray | None
-    below_20hz_n: FloatArray | None
+    p2_force_n: FloatArray | None
+    force_20hz_n: FloatArray | None
+
+    @classmethod
+    def of_message(
+        cls, message: PassageColumns, static_load_n: float, shape: tuple[int, ...], part: Any = ...
+    ) -> "Passages":
+        """Read the passages of a message.
+
+        Args:
+            message: its columns are row-major.
+            static_load_n: static wheel load.
+            shape: of the columns.
+            part: index of the passages to take.
+        """
+        columns: dict[str, Any] = {name: getattr(message, name) for name in COLUMNS}
+        for name, column in columns.items():
+            computed = not isinstance(column, UnsetType)
+            columns[name] = np.asarray(np.array(column).reshape(shape)[part]) if computed else None
+        return cls(static_load_n, **columns)
+
+    @classmethod
+    def of_peak_map(cls, peak_map: PeakMap, static_load_n: float) -> "Passages":
+        """Take the passages of a peak map, (n_speed, n_position)."""
+        low_passed = (None, None) if peak_map.low_passed_n is None else peak_map.low_passed_n
+        return cls(static_load_n, peak_map.peak_force_n, peak_map.min_force_n, peak_map.contact_loss_s, *low_passed)
+
+    @classmethod
+    def concatenated(cls, parts: Sequence["Passages"]) -> "Passages":
+        """Join passages along their first axis."""
+        first = parts[0]
+        return first._with({name: np.concatenate([part.columns[name] for part in parts]) for name in first.columns})
+
+    @classmethod
+    def stacked(cls, parts: Sequence["Passages"]) -> "Passages":
+        """Join passages along a new first axis."""
+        first = parts[0]
+        return first._with({name: np.stack([part.columns[name] for part in parts]) for name in first.columns})
+
+    @property
+    def columns(self) -> Mapping[str, FloatArray]:
+        """Those that were computed, by name."""
+        return {name: getattr(self, name) for name in COLUMNS if getattr(self, name) is not None}
+
+    def at(self, part: Any) -> "Passages":
+        """Return the passages at an index."""
+        return self._with({name: values[part] for name, values in self.columns.items()})
+
+    def worst(self, axis: int) -> "Passages":
+        """Return the worst over an axis: the minimum of the minimum force, the maximum of everything else."""
+        return self._with(
+            {
+                name: np.asarray(values.min(axis=axis) if name == "min_force_n" else values.max(axis=axis))
+                for name, values in self.columns.items()
+            }
+        )
+
+    def accumulated(self) -> "Passages":
+        """Return the worst so far along the first axis."""
+        return self._with(
+            {
+                name: (np.minimum if name == "min_force_n" else np.maximum).accumulate(values)
+                for name, values in self.columns.items()
+            }
+        )
+
+    def rounded(self, force_decimals: int, time_decimals: int) -> dict[str, Any]:
+        """Return the columns as messages hold them: row-major lists of rounded numbers."""
+        return {
+            name: rounded(values, time_decimals if name == "contact_loss_s" else force_decimals)
+            for name, values in self.columns.items()
+        }
+
+    def _with(self, columns: Mapping[str, FloatArray]) -> "Passages":
+        every: dict[str, Any] = {**dict.fromkeys(COLUMNS), **columns}
+        return Passages(self.static_load_n, **every)
 
 
-def passages(rolled: PassageColumns, static_n: float, shape: tuple[int, ...], part: Any = ...) -> Passages:
-    """The passages of a message.
-
-    Args:
-        rolled: columns, row-major.
-        static_n: static wheel load.
-        shape: of the columns.
-        part: index that picks those that count.
-    """
-
-    def column(values: list[float]) -> FloatArray:
-        return np.asarray(np.array(values).reshape(shape)[part])
-
-    return Passages(
-        static_n,
-        column(rolled.peak_force_n),
-        column(rolled.min_force_n),
-        column(rolled.contact_loss_s),
-        None if isinstance(rolled.p2_force_n, UnsetType) else column(rolled.p2_force_n),
-        None if isinstance(rolled.force_20hz_n, UnsetType) else column(rolled.force_20hz_n),
-    )
+COLUMNS = tuple(field.name for field in fields(Passages) if field.name != "static_load_n")
+"""Names of the columns, in messages as in `Passages`."""
 
 
 @dataclass(frozen=True)
 class RelevantMap:
-    """The part of a force map that can happen: up to the line's speed, at the weld's position if that is known.
+    """The part of a force map that can happen: up to the line's speed, at the weld's position where that is known.
 
     Attributes:
+        force_map: the whole.
         speeds_kmh: (n_speed,).
         positions_m: (n_position,).
         passages: of shape (n_speed, n_position).
@@ -77,36 +136,63 @@ class RelevantMap:
         line_kmh: the line's speed, or the highest that was computed.
     """
 
+    force_map: ForceMap
     speeds_kmh: FloatArray
     positions_m: FloatArray
     passages: Passages
     peak_x_m: FloatArray
     line_kmh: float
 
+    @cached_property
+    def worst_over_positions(self) -> Passages:
+        """The worst over positions at each speed, (n_speed,)."""
+        return self.passages.worst(axis=1)
+
+    @cached_property
+    def peak_index(self) -> tuple[int, int]:
+        """Row and column of the passage with the highest peak."""
+        return self.index_of_largest(self.passages.peak_force_n)
+
+    def index_of_largest(self, values: FloatArray) -> tuple[int, int]:
+        """Return row and column of the largest of values (n_speed, n_position), or (1, n_position)."""
+        row, column = np.unravel_index(np.argmax(values), values.shape)
+        return int(row), int(column)
+
+    def worst_by_speed(self) -> tuple[FloatArray, Passages]:
+        """Return speeds (n,) up to the line's and the worst over positions at each: from the curve, if there is one."""
+        speeds, worst = force_curve(self)
+        line_kmh = self.force_map.line_speed_kmh
+        count = _count_up_to(speeds, speeds[-1] if isinstance(line_kmh, UnsetType) else line_kmh)
+        return speeds[:count], worst.at(slice(count))
+
 
 def relevant_range(force_map: ForceMap) -> RelevantMap:
-    """The part of a force map that can happen."""
+    """Return the part of a force map that can happen."""
     speeds, positions = np.array(force_map.speeds_kmh), np.array(force_map.positions_m)
-    rows, line_kmh = np.arange(len(speeds)), float(speeds[-1])
-    if not isinstance(force_map.line_speed_kmh, UnsetType):
-        line_kmh = force_map.line_speed_kmh
-        # A grid that starts above the line's speed is judged at its lowest.
-        rows = rows[: max(1, int(np.sum(speeds <= line_kmh * (1 + 1e-9))))]
+    line_kmh = float(speeds[-1]) if isinstance(force_map.line_speed_kmh, UnsetType) else force_map.line_speed_kmh
+    rows = np.arange(_count_up_to(speeds, line_kmh))
     columns = relevant_positions(positions, force_map.weld_position_m, force_map.span_m)
     shape, part = (len(speeds), len(positions)), np.ix_(rows, columns)
     return RelevantMap(
+        force_map,
         speeds[rows],
         positions[columns],
-        passages(force_map, force_map.static_load_n, shape, part),
+        Passages.of_message(force_map, force_map.static_load_n, shape, part),
         np.array(force_map.peak_x_m).reshape(shape)[part],
         line_kmh,
     )
 
 
 def relevant_positions(positions_m: FloatArray, at_m: float | UnsetType, span_m: float) -> NDArray[np.intp]:
-    """Which positions count: all, or the computed ones on either side of `at_m`, round the span.
+    """Return the indices of the positions that count.
 
-    One if it was computed itself.
+    All where the weld's position is unknown; the one at `at_m`, if it was computed; else those computed on either side
+    of it, round the span.
+
+    Args:
+        positions_m: (n_position,), metres after the sleeper.
+        at_m: the weld's position, unset if unknown.
+        span_m: sleeper spacing.
     """
     if isinstance(at_m, UnsetType):
         return np.arange(len(positions_m))
@@ -114,3 +200,26 @@ def relevant_positions(positions_m: FloatArray, at_m: float | UnsetType, span_m:
     behind = np.mod(at_m - positions_m, span_m)
     exact = np.flatnonzero(np.minimum(ahead, behind) < 1e-6)
     return exact[:1] if len(exact) else np.unique([np.argmin(ahead), np.argmin(behind)])
+
+
+def force_curve(relevant: RelevantMap) -> tuple[FloatArray, Passages]:
+    """Return speeds (n,) and the worst over positions at each.
+
+    From the map's curve, which goes on to the highest speed computed; where it has none, from its relevant part.
+    """
+    curve = relevant.force_map.curve
+    if not isinstance(curve, SpeedCurve):
+        return relevant.speeds_kmh, relevant.worst_over_positions
+    speeds = np.array(curve.speeds_kmh)
+    return speeds, Passages.of_message(curve, relevant.force_map.static_load_n, speeds.shape)
+
+
+def rounded(values: FloatArray, decimals: int) -> list[float]:
+    """Return rounded values as a message's row-major list."""
+    listed: list[float] = np.round(values, decimals).ravel().tolist()
+    return listed
+
+
+def _count_up_to(speeds_kmh: FloatArray, line_kmh: float) -> int:
+    # A grid that starts above the line's speed is judged at its lowest.
+    return max(1, int(np.sum(speeds_kmh <= line_kmh * (1 + 1e-9))))

@@ -1,4 +1,4 @@
-"""What the unknown does to a weld's passages: samples of it, rolled by the fast engine."""
+"""Propagate what is uncertain to a weld's forces: Monte-Carlo samples, simulated by the fast engine."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -11,12 +11,12 @@ from weld_force_ros.messages import Uncertainty, UncertaintyResult
 from weld_force_ros.physics.analysis.geometry import largest_gradient, straightedge_gap
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
-from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.state_space import StateModel
 from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import wheel_path_over
 from weld_force_ros.physics.track.beam import Spring
 from weld_force_ros.simulation import fit_store
+from weld_force_ros.simulation.force_map_view import Passages, rounded
 from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.simulation.uncertainty import Draws, draw, noisy
 
@@ -27,13 +27,14 @@ _GEOMETRY_DECIMALS = 9
 
 
 class Sampler:
-    """Rolls samples of the unknown; always by common poles, whose fits of softer and stiffer tracks take a second each.
+    """Simulates samples of what is uncertain, always by common poles: a fit of another track takes a second.
 
     Args:
         definition: the nominal track; samples with other supports are fitted once and kept in the user's cache.
         wheel: the nominal wheel.
         unknown: what is drawn, and how often.
-        on_fit: told, in words, if a fit has to be made.
+        on_fit: called with a line of text if a fit has to be made.
+        threads: that compute; one a core, if not given.
     """
 
     def __init__(
@@ -43,8 +44,10 @@ class Sampler:
         unknown: Uncertainty,
         *,
         on_fit: Callable[[str], None] | None = None,
+        threads: int | None = None,
     ) -> None:
         self._wheel = wheel
+        self._threads = threads
         self._unknown = unknown
         self._draws = draw(unknown)
         self._models: dict[float, StateModel] = {
@@ -52,10 +55,10 @@ class Sampler:
             for factor in np.unique(self._draws.support_factor).tolist()
         }
 
-    def spread(
+    def result(
         self, x_m: FloatArray, z_m: FloatArray, speeds_kmh: FloatArray, positions_m: FloatArray
     ) -> UncertaintyResult:
-        """The worst over speeds of every sample at every position.
+        """Return the worst over speeds of every sample at every position.
 
         Args:
             x_m: (n,), increasing.
@@ -66,13 +69,15 @@ class Sampler:
         Raises:
             NumericalError: a passage did not stay finite.
         """
-        draws, count = self._draws, self._unknown.samples
+        draws = self._draws
         profiles = [noisy(x_m, z_m, self._unknown, seed) for seed in draws.noise_seed.tolist()]
-        worst = np.empty((5, count, len(positions_m)))
-        for support, hertz, samples in _companies(draws):
+        worst: dict[int, Passages] = {}
+        for support, hertz, samples in _samples_by_stiffness(draws):
             # Made anew for every weld: the tables of all would not fit into a small machine's memory.
             vehicle_track = VehicleTrackModel(
-                self._models[support], replace(self._wheel, hertz_n_per_m15=self._wheel.hertz_n_per_m15 * hertz)
+                self._models[support],
+                replace(self._wheel, hertz_n_per_m15=self._wheel.hertz_n_per_m15 * hertz),
+                threads=self._threads,
             )
             wheel_paths = [wheel_path_over(x_m, profiles[i], draws.wheel_radius_m[i]) for i in samples]
             # The first on all threads: it makes the tables that the others use, a thread each.
@@ -82,47 +87,30 @@ class Sampler:
             rest = vehicle_track.peak_maps(
                 wheel_paths[1:], speeds_kmh, positions_m, low_passed=True, tolerance=_TOLERANCE
             )
-            for i, peak_map in zip(samples, chain([first], rest), strict=True):
-                worst[:, i] = _worst(peak_map)
-        peak, least, loss, p2, below_20hz = worst
+            for i, peak_map in zip(samples.tolist(), chain([first], rest), strict=True):
+                worst[i] = Passages.of_peak_map(peak_map, self._wheel.static_load_n).worst(axis=0)
+        by_sample = Passages.stacked([worst[i] for i in range(self._unknown.samples)])
         return UncertaintyResult(
             positions_m=positions_m.tolist(),
-            peak_force_n=_listed(peak, _FORCE_DECIMALS),
-            min_force_n=_listed(least, _FORCE_DECIMALS),
-            contact_loss_s=_listed(loss, _TIME_DECIMALS),
-            p2_force_n=_listed(p2, _FORCE_DECIMALS),
-            force_20hz_n=_listed(below_20hz, _FORCE_DECIMALS),
-            gradient_rad=_listed(np.array([largest_gradient(x_m, z) for z in profiles]), _GEOMETRY_DECIMALS),
-            straightedge_m=_listed(np.array([straightedge_gap(x_m, z) for z in profiles]), _GEOMETRY_DECIMALS),
+            gradient_rad=rounded(np.array([largest_gradient(x_m, z) for z in profiles]), _GEOMETRY_DECIMALS),
+            straightedge_m=rounded(np.array([straightedge_gap(x_m, z) for z in profiles]), _GEOMETRY_DECIMALS),
             support_factor=draws.support_factor.tolist(),
             hertz_factor=draws.hertz_factor.tolist(),
-            wheel_radius_m=_listed(draws.wheel_radius_m, _GEOMETRY_DECIMALS),
+            wheel_radius_m=rounded(draws.wheel_radius_m, _GEOMETRY_DECIMALS),
+            **by_sample.rounded(_FORCE_DECIMALS, _TIME_DECIMALS),
         )
 
 
-def _companies(draws: Draws) -> Iterator[tuple[float, float, NDArray[np.intp]]]:
-    """Samples that share a track and a contact, and so the tables of both."""
-    levels = np.column_stack([draws.support_factor, draws.hertz_factor])
-    pairs, company = np.unique(levels, axis=0, return_inverse=True)
-    for number, (support, hertz) in enumerate(pairs.tolist()):
-        yield support, hertz, np.flatnonzero(company == number)
-
-
-def _worst(peak_map: PeakMap) -> FloatArray:
-    """(5, n_position): peak, least force, contact loss, and both low-passed forces, over all speeds."""
-    assert peak_map.low_passed_n is not None  # noqa: S101 - asked for
-    return np.stack(
-        [
-            peak_map.peak_force_n.max(axis=0),
-            peak_map.min_force_n.min(axis=0),
-            peak_map.contact_loss_s.max(axis=0),
-            *peak_map.low_passed_n.max(axis=1),
-        ]
-    )
+def _samples_by_stiffness(draws: Draws) -> Iterator[tuple[float, float, NDArray[np.intp]]]:
+    """Yield factors of support and contact with the samples that share them, and so the tables of both."""
+    factors = np.column_stack([draws.support_factor, draws.hertz_factor])
+    distinct, which = np.unique(factors, axis=0, return_inverse=True)
+    for number, (support, hertz) in enumerate(distinct.tolist()):
+        yield support, hertz, np.flatnonzero(which == number)
 
 
 def _supported(definition: TrackDefinition, factor: float) -> TrackDefinition:
-    """The track on supports that are stiffer by a factor, pad and ballast alike; their damping stays."""
+    """Return the track with the stiffness of pads and ballast multiplied by a factor; their damping stays."""
     if factor == 1.0:
         return definition
 
@@ -139,8 +127,3 @@ def _supported(definition: TrackDefinition, factor: float) -> TrackDefinition:
             ballast=stiffer(track.ballast),
         ),
     )
-
-
-def _listed(values: FloatArray, decimals: int) -> list[float]:
-    listed: list[float] = np.round(values, decimals).ravel().tolist()
-    return listed

@@ -20,6 +20,7 @@ from weld_force_ros.messages import (
     encode,
     legible,
 )
+from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.simulation import track_file
 
 DEFAULT_SPEEDS = "20:300:5"
@@ -28,7 +29,7 @@ ENGINES: tuple[str, ...] = get_args(get_args(Engine)[0])
 
 
 def parse_speeds(text: str) -> list[float]:
-    """Speeds in km/h from `FIRST:LAST:STEP` (the last included) or a list `40,80`.
+    """Read speeds in km/h from `FIRST:LAST:STEP` (the last included) or a list `40,80`.
 
     Raises:
         InputError: not of that form, or not positive and increasing.
@@ -50,7 +51,7 @@ def parse_speeds(text: str) -> list[float]:
 
 
 def parse_positions(text: str) -> int | list[float]:
-    """Positions: one whole number N for N equal steps over a span, else metres after the sleeper, `0.15,0.30`.
+    """Read positions: one whole number N for N equal steps over a span, else metres after the sleeper, `0.15,0.30`.
 
     Raises:
         InputError: not of that form, or not increasing.
@@ -82,7 +83,7 @@ def simulation_settings(
     hertz_n_per_m15: float | None = None,
     uncertainty: Uncertainty | None = None,
 ) -> SimulationSettings:
-    """Settings of a simulation, complete and checked; what is not given for the wheel is the track file's.
+    """Complete and check the settings of a simulation; what is not given for the wheel is the track file's.
 
     Args:
         track: a shipped track's name or the path of a track file.
@@ -101,18 +102,13 @@ def simulation_settings(
     if engine not in ENGINES:
         raise InputError(f"engine {engine!r} is not available", f"use {', '.join(ENGINES)}")
     definition = track_file.load(track)
-    wheel = definition.wheel
-    given = {
-        "mass_kg": wheel_mass_kg,
-        "static_load_n": static_load_n,
-        "radius_m": wheel_radius_m,
-        "hertz_n_per_m15": hertz_n_per_m15,
-    }
-    for name, value in given.items():
-        if value is not None:
-            if not np.isfinite(value) or value <= 0:
-                raise InputError(f"wheel {name} is {value:g}", "give a positive number")
-            wheel = replace(wheel, **{name: float(value)})
+    wheel = _wheel(
+        definition.wheel,
+        mass_kg=wheel_mass_kg,
+        static_load_n=static_load_n,
+        radius_m=wheel_radius_m,
+        hertz_n_per_m15=hertz_n_per_m15,
+    )
     spacing = definition.track.spacing_m
     at = [i * spacing / positions for i in range(positions)] if isinstance(positions, int) else list(positions)
     settings = SimulationSettings(
@@ -136,11 +132,18 @@ def simulation_settings(
     return settings
 
 
+def _wheel(default: Wheel, **given: float | None) -> Wheel:
+    for name, value in given.items():
+        if value is not None and (not np.isfinite(value) or value <= 0):
+            raise InputError(f"wheel {name} is {value:g}", "give a positive number")
+    return replace(default, **{name: float(value) for name, value in given.items() if value is not None})
+
+
 def load_uncertainty(samples: int, path: Path | None = None) -> Uncertainty | None:
-    """What is not known, from a YAML file of the form of `data/uncertainty/default.yaml`, which is the default.
+    """Read what is uncertain from a YAML file of the form of `data/uncertainty/default.yaml`, which is the default.
 
     Args:
-        samples: how many are rolled, instead of the file's; 0: none.
+        samples: how many are simulated, instead of the file's; 0: none, and None is returned.
         path: of the file.
 
     Raises:

@@ -1,12 +1,10 @@
-"""The one composition: profile -> force map -> verdict. Nodes, command line, replay and campaign all call it."""
+"""Simulate wheel passages over a weld under fixed settings: force maps, curves, histories."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-from msgspec import UNSET, UnsetType
-from msgspec.structs import replace as changed
-from numpy.typing import NDArray
+from msgspec import UnsetType
 
 from weld_force_ros.messages import (
     ForceHistory,
@@ -15,11 +13,9 @@ from weld_force_ros.messages import (
     SimulationSettings,
     SpeedCurve,
     Uncertainty,
-    UncertaintyResult,
     WeldProfile,
 )
 from weld_force_ros.physics.analysis.geometry import classify, largest_gradient, straightedge_gap
-from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.engines.common_poles import BAND_HZ
 from weld_force_ros.physics.engines.greens_function import GreensFunctionModel
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
@@ -28,7 +24,7 @@ from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
 from weld_force_ros.physics.track.causality import acausal
 from weld_force_ros.simulation import fit_store, track_file
-from weld_force_ros.simulation.force_map_view import relevant_positions, relevant_range
+from weld_force_ros.simulation.force_map_view import Passages, relevant_positions, relevant_range, rounded
 from weld_force_ros.simulation.sampling import Sampler
 
 # Messages keep what means something: 0.01 N is a ten-millionth of a wheel load, 0.1 nm far below any roughness.
@@ -40,7 +36,7 @@ _HISTORY_STEP_M = 1e-3
 
 
 class Simulator:
-    """Force maps and histories under fixed settings; making one loads the track's fit and may have to compute it.
+    """Simulates passages under fixed settings; making one loads the track's fit and may have to compute it.
 
     One simulator may be used from several threads.
     """
@@ -57,9 +53,9 @@ class Simulator:
 
         Args:
             settings: what is simulated.
-            on_fit: told, in words, if a fit has to be made.
-            threads: of a fitted engine; one a core, if not given.
-            curves: whether maps carry a curve; without it advice on speed is as fine as the map, which is sooner done.
+            on_fit: called with a line of text if a fit has to be made.
+            threads: that compute; one a core, if not given.
+            curves: whether maps carry a curve; without it speed advice is as fine as the map, which takes less time.
 
         Raises:
             InputError: settings that this version cannot simulate.
@@ -80,14 +76,18 @@ class Simulator:
         self._with_curves = curves and settings.engine == "common-poles"
         self._sampler: Sampler | None = None
         if isinstance(settings.uncertainty, Uncertainty):
-            self._sampler = Sampler(definition, wheel, settings.uncertainty, on_fit=on_fit)
+            self._sampler = Sampler(definition, wheel, settings.uncertainty, on_fit=on_fit, threads=threads)
 
     def wheel_path(self, profile: WeldProfile) -> WheelPath:
-        """The wheel centre's trajectory over a profile."""
+        """Return the path of the wheel's centre over a profile."""
         return wheel_path_over(np.array(profile.x_m), np.array(profile.z_m), self.vehicle_track.wheel.radius_m)
 
     def force_map(self, profile: WeldProfile, *, on_speed: Callable[[], None] = lambda: None) -> ForceMap:
-        """Peak force at every speed and position of the settings; `on_speed` is called after each speed.
+        """Compute the forces at every speed and position of the settings.
+
+        Args:
+            profile: the weld.
+            on_speed: called after each speed.
 
         Raises:
             NumericalError: a passage did not stay finite.
@@ -96,25 +96,27 @@ class Simulator:
         peak_map = self.vehicle_track.peak_map(
             wheel_path, settings.speeds_kmh, settings.positions_m, low_passed=True, on_speed=on_speed
         )
-        return self._mapped(profile, wheel_path, peak_map, began)
+        return self._force_map(profile, wheel_path, peak_map, began)
 
     def force_maps(self, profiles: Sequence[WeldProfile]) -> Iterator[ForceMap]:
-        """`force_map` of many welds, in their order, sooner done than one by one as they fill the kernel's lanes.
+        """Compute `force_map` of many welds, in their order: faster than one by one, as they share the SIMD lanes.
+
+        `elapsed_s` of each is its share of the time that all took, and what it took beside.
 
         Raises:
             NumericalError: a passage over one of them did not stay finite.
         """
         began, settings = time.perf_counter(), self.settings
         wheel_paths = [self.wheel_path(profile) for profile in profiles]
-        peak_maps = self.vehicle_track.peak_maps(
-            wheel_paths, settings.speeds_kmh, settings.positions_m, low_passed=True
+        peak_maps = list(
+            self.vehicle_track.peak_maps(wheel_paths, settings.speeds_kmh, settings.positions_m, low_passed=True)
         )
+        share_s = (time.perf_counter() - began) / max(1, len(profiles))
         for profile, wheel_path, peak_map in zip(profiles, wheel_paths, peak_maps, strict=True):
-            yield self._mapped(profile, wheel_path, peak_map, began)
-            began = time.perf_counter()
+            yield self._force_map(profile, wheel_path, peak_map, time.perf_counter() - share_s)
 
-    def _mapped(self, profile: WeldProfile, wheel_path: WheelPath, peak_map: PeakMap, began: float) -> ForceMap:
-        settings, (below_120hz, below_20hz) = self.settings, _low_passed(peak_map)
+    def _force_map(self, profile: WeldProfile, wheel_path: WheelPath, peak_map: PeakMap, began_s: float) -> ForceMap:
+        settings = self.settings
         force_map = ForceMap(
             weld_id=profile.weld_id,
             profile_sha256=profile.profile_sha256,
@@ -123,12 +125,7 @@ class Simulator:
             engine=settings.engine,
             speeds_kmh=settings.speeds_kmh,
             positions_m=settings.positions_m,
-            peak_force_n=_rounded(peak_map.peak_force_n, _FORCE_DECIMALS),
-            peak_x_m=_rounded(peak_map.peak_x_m, _PLACE_DECIMALS),
-            min_force_n=_rounded(peak_map.min_force_n, _FORCE_DECIMALS),
-            contact_loss_s=_rounded(peak_map.contact_loss_s, _TIME_DECIMALS),
-            p2_force_n=_rounded(below_120hz, _FORCE_DECIMALS),
-            force_20hz_n=_rounded(below_20hz, _FORCE_DECIMALS),
+            peak_x_m=rounded(peak_map.peak_x_m, _PLACE_DECIMALS),
             static_load_n=settings.static_load_n,
             span_m=self._span_m,
             model_error=round(self._model_error, 6),
@@ -138,53 +135,55 @@ class Simulator:
             weld_position_m=profile.weld_position_m,
             chainage_m=profile.chainage_m,
             rail=profile.rail,
+            **self._passages(peak_map).rounded(_FORCE_DECIMALS, _TIME_DECIMALS),
         )
-        return changed(
-            force_map,
-            curve=self._curve(wheel_path, peak_map, profile.weld_position_m),
-            spread=self._spread(profile, force_map),
-            elapsed_s=time.perf_counter() - began,
-        )
+        if self._with_curves:
+            force_map.curve = self._curve(wheel_path, peak_map, profile.weld_position_m)
+        if self._sampler is not None:
+            relevant = relevant_range(force_map)
+            x_m, z_m = np.array(profile.x_m), np.array(profile.z_m)
+            force_map.spread = self._sampler.result(x_m, z_m, relevant.speeds_kmh, relevant.positions_m)
+        force_map.elapsed_s = time.perf_counter() - began_s
+        return force_map
 
-    def _curve(
-        self, wheel_path: WheelPath, mapped: PeakMap, weld_position_m: float | UnsetType
-    ) -> SpeedCurve | UnsetType:
-        """The worst over the positions that count at every whole km/h and every speed of the map.
+    def _curve(self, wheel_path: WheelPath, peak_map: PeakMap, weld_position_m: float | UnsetType) -> SpeedCurve:
+        """Return the worst over the relevant positions at every whole km/h and every speed of the map.
 
-        Slower engines leave it out: advice on speed is then as fine as the map.
+        Slower engines leave it out: speed advice is then as fine as the map.
         """
-        if not self._with_curves:
-            return UNSET
         speeds, positions = np.array(self.settings.speeds_kmh), np.array(self.settings.positions_m)
-        counted = relevant_positions(positions, weld_position_m, self._span_m)
+        relevant = relevant_positions(positions, weld_position_m, self._span_m)
+        places = positions[relevant]
         between = np.setdiff1d(np.arange(np.ceil(speeds[0]), speeds[-1]), speeds)
-        worst = [_worst_positions(mapped, counted, positions)]
+        parts = [self._passages(peak_map).at(np.s_[:, relevant])]
         if len(between):
-            rolled = self.vehicle_track.peak_map(wheel_path, between, positions[counted], low_passed=True)
-            worst.append(_worst_positions(rolled, np.arange(len(counted)), positions[counted]))
-        all_speeds = np.concatenate([speeds, between])
-        order = np.argsort(all_speeds)
-        peak, least, loss, at, below_120hz, below_20hz = np.concatenate(worst, axis=1)[:, order]
+            finer = self.vehicle_track.peak_map(wheel_path, between, places, low_passed=True)
+            parts.append(self._passages(finer))
+        order = np.argsort(np.concatenate([speeds, between]))
+        all_parts = Passages.concatenated(parts).at(order)
         return SpeedCurve(
-            speeds_kmh=all_speeds[order].tolist(),
-            peak_force_n=_rounded(peak, _FORCE_DECIMALS),
-            min_force_n=_rounded(least, _FORCE_DECIMALS),
-            contact_loss_s=_rounded(loss, _TIME_DECIMALS),
-            at_m=_rounded(at, _PLACE_DECIMALS),
-            p2_force_n=_rounded(below_120hz, _FORCE_DECIMALS),
-            force_20hz_n=_rounded(below_20hz, _FORCE_DECIMALS),
+            speeds_kmh=np.concatenate([speeds, between])[order].tolist(),
+            at_m=rounded(places[all_parts.peak_force_n.argmax(axis=1)], _PLACE_DECIMALS),
+            **all_parts.worst(axis=1).rounded(_FORCE_DECIMALS, _TIME_DECIMALS),
         )
 
-    def _spread(self, profile: WeldProfile, force_map: ForceMap) -> UncertaintyResult | UnsetType:
-        if self._sampler is None:
-            return UNSET
-        judged = relevant_range(force_map)
-        return self._sampler.spread(np.array(profile.x_m), np.array(profile.z_m), judged.speeds_kmh, judged.positions_m)
+    def _passages(self, peak_map: PeakMap) -> Passages:
+        return Passages.of_peak_map(peak_map, self.settings.static_load_n)
 
     def force_history(
         self, profile: WeldProfile, speed_kmh: float, position_m: float, *, until_m: float = 0.0
     ) -> ForceHistory:
-        """One passage in the space domain, a span before and after the weld, or to `until_m` if that is later."""
+        """Compute one passage in the space domain.
+
+        Args:
+            profile: the weld.
+            speed_kmh: of the passage.
+            position_m: the weld's centre after the sleeper.
+            until_m: where it ends, from the sleeper on, if that is more than a span behind the weld.
+
+        Raises:
+            NumericalError: the passage did not stay finite.
+        """
         history = self.vehicle_track.history(self.wheel_path(profile), speed_kmh, position_m, until_m=until_m)
         every = slice(None, None, max(1, round(_HISTORY_STEP_M / (history.x_m[1] - history.x_m[0]))))
         return ForceHistory(
@@ -193,16 +192,16 @@ class Simulator:
             config_sha256=self.settings.config_sha256,
             speed_kmh=speed_kmh,
             position_m=position_m,
-            x_m=_rounded(history.x_m[every], _PLACE_DECIMALS),
-            force_n=_rounded(history.force_n[every], _FORCE_DECIMALS),
-            wheel_m=_rounded(history.wheel_m[every], _DISPLACEMENT_DECIMALS),
-            rail_m=_rounded(history.rail_m[every], _DISPLACEMENT_DECIMALS),
-            irregularity_m=_rounded(history.irregularity_m[every], _DISPLACEMENT_DECIMALS),
+            x_m=rounded(history.x_m[every], _PLACE_DECIMALS),
+            force_n=rounded(history.force_n[every], _FORCE_DECIMALS),
+            wheel_m=rounded(history.wheel_m[every], _DISPLACEMENT_DECIMALS),
+            rail_m=rounded(history.rail_m[every], _DISPLACEMENT_DECIMALS),
+            irregularity_m=rounded(history.irregularity_m[every], _DISPLACEMENT_DECIMALS),
         )
 
 
 def profile_measures(profile: WeldProfile) -> ProfileMeasures:
-    """What a profile's geometry says by itself."""
+    """Return what a profile's geometry says without a wheel."""
     x_m, z_m = np.array(profile.x_m), np.array(profile.z_m)
     geometry = classify(x_m, z_m)
     return ProfileMeasures(
@@ -213,28 +212,3 @@ def profile_measures(profile: WeldProfile) -> ProfileMeasures:
         straightedge_m=straightedge_gap(x_m, z_m),
         spacing_m=float(np.diff(x_m).max()),
     )
-
-
-def _low_passed(peak_map: PeakMap) -> FloatArray:
-    if peak_map.low_passed_n is None:
-        raise ValueError("low-passed forces were not asked for")
-    return peak_map.low_passed_n
-
-
-def _worst_positions(peak_map: PeakMap, counted: NDArray[np.intp], positions_m: FloatArray) -> FloatArray:
-    """The worst over the positions that count, (6, n_speed): the columns of a curve in their order."""
-    peak = peak_map.peak_force_n[:, counted]
-    return np.stack(
-        [
-            peak.max(axis=1),
-            peak_map.min_force_n[:, counted].min(axis=1),
-            peak_map.contact_loss_s[:, counted].max(axis=1),
-            positions_m[counted][peak.argmax(axis=1)],
-            *_low_passed(peak_map)[:, :, counted].max(axis=2),
-        ]
-    )
-
-
-def _rounded(values: FloatArray, decimals: int) -> list[float]:
-    rounded: list[float] = np.round(values, decimals).ravel().tolist()
-    return rounded

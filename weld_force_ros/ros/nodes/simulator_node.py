@@ -5,7 +5,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any
 
-from weld_force_ros.assessment.judge import Simulates, worst_history
+from weld_force_ros.assessment.judge import Simulates, deciding_history
 from weld_force_ros.messages import (
     TOPICS,
     ForceHistory,
@@ -131,7 +131,7 @@ class SimulatorNode(LifecycleNodeBase):
 
     def _publish_history(self, profile: WeldProfile, force_map: ForceMap) -> None:
         try:
-            history = worst_history(profile, self._simulator, force_map)
+            history = deciding_history(profile, self._simulator, force_map)
             history.profile_id = force_map.profile_id
             self.messenger.publish(history)
         except Exception as error:  # the map is the outcome; a Rejection would be a second one
