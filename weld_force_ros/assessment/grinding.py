@@ -1,8 +1,8 @@
-"""Advice on grinding: the least removal with the simulator in the loop, then rolled over again on the exact track.
+"""Advise on grinding: search the minimum removal with the simulator in the loop, then check it on the exact track.
 
-The search looks at some of the speeds and positions. Its result is checked at all of them, and by the `reference`
+The search considers some of the speeds and positions. Its result is checked at all of them, and by the `reference`
 engine where forces come nearest to their limits; a limit that is exceeded there is tightened by as much, and the search
-goes on from where it was.
+continues from where it was.
 """
 
 import time
@@ -62,28 +62,29 @@ Axes: TypeAlias = tuple[Indices, Indices]
 
 
 @dataclass(frozen=True)
-class _Rolling:
-    """Speeds (n_speed,) and positions (n_position,) at which a rig rolls over profiles."""
+class _Grid:
+    """Speeds (n_speed,) and positions (n_position,) at which profiles are simulated."""
 
     vehicle_track: VehicleTrackModel | GreensFunctionModel
     speeds_kmh: FloatArray
     positions_m: FloatArray
+    threads: int | None = None
 
     def over(self, profiles: Sequence[Profile], *, low_passed: bool = True) -> list[Passages]:
-        """Passages of shape (n_speed, n_position) over each profile."""
+        """Return the passages over each profile, of shape (n_speed, n_position)."""
         wheel = self.vehicle_track.wheel
-        with ThreadPoolExecutor() as pool:
+        with ThreadPoolExecutor(self.threads) as pool:
             wheel_paths = list(pool.map(lambda p: wheel_path_over(p[0], p[1], wheel.radius_m), profiles))
         peak_maps = self.vehicle_track.peak_maps(wheel_paths, self.speeds_kmh, self.positions_m, low_passed=low_passed)
         return [Passages.of_peak_map(peak_map, wheel.static_load_n) for peak_map in peak_maps]
 
-    def at(self, rows: Indices, columns: Indices) -> "_Rolling":
-        """Some of the speeds and positions."""
+    def at(self, rows: Indices, columns: Indices) -> "_Grid":
+        """Return the grid of some of the speeds and positions."""
         return replace(self, speeds_kmh=self.speeds_kmh[rows], positions_m=self.positions_m[columns])
 
 
 class _Limits:
-    """The limits that the decision hangs on, tightened by factors; the search looks at those that come into reach."""
+    """The limits that decide, tightened by factors; the search considers those that come into reach."""
 
     def __init__(self, limits: AssessmentSettings, line_kmh: float) -> None:
         self._limits = [limit for limit in limits.limits if decides(limit) and applies(limit, line_kmh)]
@@ -92,23 +93,23 @@ class _Limits:
         self._watched = np.zeros(len(self._limits), dtype=bool)
 
     def watch(self, excess: list[FloatArray]) -> None:
-        """Those limits that are exceeded or nearest to it, beside those that were before."""
+        """Add the limits that are exceeded or closest to being so to those that the search considers."""
         worst = _worst(excess)
         self._watched |= worst >= min(-_FAR, worst.max())
 
     def tighten(self, excess: list[FloatArray], by_reference: list[FloatArray]) -> None:
-        """So that the reference keeps limits that it exceeds, if it goes on differing as it does."""
+        """Tighten limits that the reference exceeds by as much as it differs from the fast engine."""
         exact = 1 + _worst(by_reference)
         factors = np.where(exact > 1, (1 + _worst(excess)) / exact, 1.0)
         self._factors = np.minimum(self._factors, factors)
         self.watch(by_reference)
 
     def tightened(self, excess: list[FloatArray]) -> list[FloatArray]:
-        """What the tightened limits are exceeded by."""
+        """Return by how much the tightened limits are exceeded."""
         return [(1 + e) / factor - 1 for e, factor in zip(excess, self._factors, strict=True)]
 
-    def constraints(self, profiles: Sequence[Profile], rolling: _Rolling) -> FloatArray:
-        """(n_profile, n_constraint), for the search."""
+    def constraints(self, profiles: Sequence[Profile], grid: _Grid) -> FloatArray:
+        """Return the constraints of the search, (n_profile, n_constraint)."""
         watched = [(self._limits[i], self._factors[i] * (1 - _SPARE)) for i in np.flatnonzero(self._watched)]
         low_passed = any(limit.name in _LOW_PASSED for limit, _ in watched)
         return np.array(
@@ -116,12 +117,12 @@ class _Limits:
                 np.concatenate(
                     [(1 + self._excess(limit, profile, passages).ravel()) / factor - 1 for limit, factor in watched]
                 )
-                for profile, passages in zip(profiles, rolling.over(profiles, low_passed=low_passed), strict=True)
+                for profile, passages in zip(profiles, grid.over(profiles, low_passed=low_passed), strict=True)
             ]
         )
 
     def excess(self, profile: Profile, passages: Passages) -> list[FloatArray]:
-        """What each limit itself is exceeded by: in each passage, or (1,) of the geometry's."""
+        """Return by how much each limit is exceeded: in each passage, or (1,) for a geometry limit."""
         return [self._excess(limit, profile, passages) for limit in self._limits]
 
     def _excess(self, limit: Limit, profile: Profile, passages: Passages) -> FloatArray:
@@ -143,7 +144,7 @@ class _Limits:
 
 @dataclass(frozen=True)
 class _Found:
-    """A removal, what it leaves the limits exceeded by, and what came of rolling it over again on the exact track."""
+    """A removal, its largest excess over a limit, and the result of its check on the exact track."""
 
     removal: Removal
     excess: float
@@ -153,18 +154,18 @@ class _Found:
 
     @property
     def confirmed(self) -> bool:
-        """Whether the reference says the same."""
+        """True if the reference agrees in every passage checked."""
         return self.within == self.checked
 
 
 def _preference(found: _Found) -> tuple[float, float, float]:
-    """Falls the better it is: within limits, within them by the reference too, little removed."""
+    """Return a key that is smaller for a better result: within limits, confirmed by the reference, little removed."""
     disputed = 1 - found.within / found.checked if found.checked else 1.0
     return max(found.excess, 0.0), disputed, found.removal.removed_m2
 
 
 class Adviser:
-    """Advice for many welds under the same settings and limits; making one loads the track's fit."""
+    """Advises on many welds under the same settings and limits; making one loads the track's fit."""
 
     def __init__(
         self,
@@ -173,19 +174,28 @@ class Adviser:
         grinder: Grinder | None = None,
         *,
         on_fit: Callable[[str], None] | None = None,
+        threads: int | None = None,
     ) -> None:
-        """The search is by a fast engine, `common-poles` in place of `reference`; nothing is drawn at random.
+        """Load the track; the search uses a fast engine, `common-poles` for `reference`, and nothing random.
+
+        Args:
+            settings: of the simulation.
+            limits: of the verdict.
+            grinder: its capabilities.
+            on_fit: called with a line of text if a fit has to be made.
+            threads: that compute; one a core, if not given.
 
         Raises:
             InputError: settings that this version cannot simulate.
         """
         self._settings, self._limits, self._grinder = settings, limits, grinder or Grinder()
-        self._simulator = Simulator(_fast(settings), on_fit=on_fit)
+        self._threads = threads
+        self._simulator = Simulator(_fast(settings), on_fit=on_fit, threads=threads)
         track = track_file.parse(settings.track_definition, settings.track).track
         self._reference = GreensFunctionModel(track, self._simulator.vehicle_track.wheel)
 
     def advise(self, profile: WeldProfile, *, on_step: Callable[[], None] = lambda: None) -> GrindingAdvice:
-        """The least removal that brings a weld within its limits at all speeds and positions that count.
+        """Return the minimum removal that brings a weld within its limits at all relevant speeds and positions.
 
         Args:
             profile: the weld.
@@ -238,31 +248,31 @@ class Adviser:
         return least_removal(x, z, lambda profiles: np.full((len(profiles), 1), -1.0), self._grinder)
 
     def _search(self, profile: WeldProfile, relevant: RelevantMap, on_step: Callable[[], None]) -> _Found:
-        """Search, look where else limits are exceeded, ask the reference, until what was found stands both."""
+        """Search, check all speeds and positions, then the reference, until a removal passes both."""
         limits, x, z = _Limits(self._limits, relevant.line_kmh), np.array(profile.x_m), np.array(profile.z_m)
-        fully = _Rolling(self._simulator.vehicle_track, relevant.speeds_kmh, relevant.positions_m)
+        grid = _Grid(self._simulator.vehicle_track, relevant.speeds_kmh, relevant.positions_m, self._threads)
         excess = limits.excess((x, z), relevant.passages)
         limits.watch(excess)
-        looked_at = _added(_spread(fully), _worst_axes(excess))
+        considered = _added(_spread(grid), _worst_axes(excess))
         best, begin, checks = _Found(self._nothing(profile), _worst(excess).max()), None, 0
         for _ in range(MOST_ROUNDS):
             removal = least_removal(
-                x, z, partial(limits.constraints, rolling=fully.at(*looked_at)), self._grinder, begin=begin,
+                x, z, partial(limits.constraints, grid=grid.at(*considered)), self._grinder, begin=begin,
                 on_step=on_step,
             )  # fmt: skip
             begin = removal = replace(removal, removal_m=np.round(removal.removal_m, _DECIMALS))
             ground = removal.x_m, removal.ground_m
-            excess = limits.excess(ground, fully.over([ground])[0])
+            excess = limits.excess(ground, grid.over([ground])[0])
             found = _Found(removal, _worst(excess).max())
             tightened = limits.tightened(excess)
             if _worst(tightened).max() > 0:
                 best = min(best, found, key=_preference)
                 limits.watch(tightened)
-                looked_at = _added(looked_at, _worst_axes(tightened))
+                considered = _added(considered, _worst_axes(tightened))
                 if removal.reached:
                     continue
                 break
-            found, by_reference = self._checked(found, limits, fully, excess)
+            found, by_reference = self._checked(found, limits, grid, excess)
             best, checks = min(best, found, key=_preference), checks + 1
             if found.confirmed or checks == MOST_CHECKS:
                 break
@@ -270,10 +280,10 @@ class Adviser:
         return best
 
     def _checked(
-        self, found: _Found, limits: _Limits, fully: _Rolling, excess: list[FloatArray]
+        self, found: _Found, limits: _Limits, grid: _Grid, excess: list[FloatArray]
     ) -> tuple[_Found, list[FloatArray]]:
-        """The most critical passages by the reference, and what they exceed each limit by."""
-        critical = replace(fully.at(*_critical(fully, _by_passage(excess))), vehicle_track=self._reference)
+        """Check the most critical passages by the reference; return also by how much they exceed each limit."""
+        critical = replace(grid.at(*_critical(grid, _by_passage(excess))), vehicle_track=self._reference)
         ground = found.removal.x_m, found.removal.ground_m
         passages = critical.over([ground])[0]
         by_reference = limits.excess(ground, passages)
@@ -292,7 +302,7 @@ def advise(
     *,
     on_step: Callable[[], None] = lambda: None,
 ) -> GrindingAdvice:
-    """Advice for one weld: see `Adviser`."""
+    """Advise on one weld: see `Adviser`."""
     return Adviser(settings, limits, grinder).advise(profile, on_step=on_step)
 
 
@@ -302,9 +312,9 @@ def _fast(settings: SimulationSettings) -> SimulationSettings:
     return changed(fast, config_sha256=config_sha256(fast))
 
 
-def _spread(rolling: _Rolling) -> Axes:
-    """Some speeds and positions, evenly, the last of each among them."""
-    speeds, positions = len(rolling.speeds_kmh), len(rolling.positions_m)
+def _spread(grid: _Grid) -> Axes:
+    """Return some speeds and positions, evenly spaced, the last of each among them."""
+    speeds, positions = len(grid.speeds_kmh), len(grid.positions_m)
     rows = np.arange(speeds)[:: -max(1, -(-speeds // _SPEEDS))][::-1]
     return rows, np.arange(positions)[:: -max(1, -(-positions // _POSITIONS))][::-1]
 
@@ -314,28 +324,28 @@ def _added(axes: Axes, more: Axes) -> Axes:
 
 
 def _worst_axes(excess: list[FloatArray]) -> Axes:
-    """The speeds and positions of the worst passages of two positions."""
+    """Return the speeds of the worst passages at the two worst positions, and those positions."""
     by_passage = _by_passage(excess)
     columns = np.argsort(-by_passage.max(axis=0), kind="stable")[:2]
     return np.unique(by_passage[:, columns].argmax(axis=0)), columns
 
 
 def _worst(excess: list[FloatArray]) -> FloatArray:
-    """Of each limit, (n_limit,)."""
+    """Return the largest excess of each limit, (n_limit,)."""
     return np.array([e.max() for e in excess])
 
 
 def _by_passage(excess: list[FloatArray]) -> FloatArray:
-    """The worst limit of force in each passage, (n_speed, n_position)."""
+    """Return the largest excess of a force limit in each passage, (n_speed, n_position)."""
     worst: FloatArray = np.max([e for e in excess if e.ndim == 2], axis=0)
     return worst
 
 
-def _critical(rolling: _Rolling, excess: FloatArray) -> Axes:
-    """The speeds with the worst passages, some way apart, and the worst positions at those."""
+def _critical(grid: _Grid, excess: FloatArray) -> Axes:
+    """Return the speeds of the worst passages, some distance apart, and the worst positions at those."""
     rows: list[int] = []
     for row in np.argsort(-excess.max(axis=1), kind="stable").tolist():
-        if all(abs(rolling.speeds_kmh[row] - rolling.speeds_kmh[other]) >= _APART_KMH for other in rows):
+        if all(abs(grid.speeds_kmh[row] - grid.speeds_kmh[other]) >= _APART_KMH for other in rows):
             rows.append(row)
     rows = sorted(rows[:_REFERENCE_SPEEDS])
     return np.array(rows), np.sort(np.argsort(-excess[rows].max(axis=0), kind="stable")[:_REFERENCE_POSITIONS])
@@ -347,7 +357,7 @@ def _ground(profile: WeldProfile, removal: Removal) -> WeldProfile:
 
 
 def _as_finely_measured(force_map: ForceMap, measured: ForceMap) -> ForceMap:
-    """With the distance of samples that were measured, not of those on the rail beside them."""
+    """Return the map with the spacing of the measured samples, not of those on the rail beside them."""
     if not isinstance(force_map.measures, ProfileMeasures) or not isinstance(measured.measures, ProfileMeasures):
         return force_map
     return changed(force_map, measures=changed(force_map.measures, spacing_m=measured.measures.spacing_m))

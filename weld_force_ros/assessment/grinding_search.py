@@ -1,4 +1,4 @@
-"""The least removal of metal that brings a weld within its limits, whatever says what the limits make of a profile.
+"""Search for the minimum grinding that brings a weld within its limits, given a function that evaluates profiles.
 
 What a grinder takes off is never negative and no sharper along the rail than it can be steered: a sum of cubic
 B-splines with coefficients that are not negative. With knots three quarters of the shortest wavelength apart, however
@@ -8,7 +8,7 @@ stone's circle touches from above: the morphological closing of z - d, nowhere a
 
 The search is sequential linear programming with an exact penalty (Fletcher & Sainz de la Maza, Mathematical
 Programming 43 (1989) 235): constraints are linearised by finite differences, a linear program trades removed area for
-the largest excess within a trust region, and a step counts by what the constraints really say. Several sizes of the
+the largest excess within a trust region, and a step is accepted by the true constraints. Several sizes of the
 region are tried at once, as many profiles side by side cost less than one after the other.
 """
 
@@ -47,7 +47,7 @@ Excess: TypeAlias = Callable[[Sequence[Profile]], FloatArray]
 
 @dataclass(frozen=True)
 class Grinder:
-    """What a grinder can do. Engineering judgement, not taken from a machine's data sheet.
+    """A grinder's capabilities: engineering judgement, not taken from a machine's data sheet.
 
     Attributes:
         band_limit_m: shortest wavelength that it can be steered to grind: less than a stone's own width is not.
@@ -87,12 +87,12 @@ class Removal:
 
     @property
     def reached(self) -> bool:
-        """Whether the ground profile is within its limits."""
+        """True if the ground profile is within its limits."""
         return bool(self.excess.max() <= 0)
 
     @property
     def ground_m(self) -> FloatArray:
-        """Heights after."""
+        """Heights after grinding."""
         return self.z_m - self.removal_m
 
     @property
@@ -110,7 +110,7 @@ def least_removal(
     begin: Removal | None = None,
     on_step: Callable[[], None] = lambda: None,
 ) -> Removal:
-    """The least removed area with which a profile is within its limits, or what comes closest to them.
+    """Return the removal of least area that brings a profile within its limits, or the one that comes closest.
 
     It is a local optimum, the best found from several starts: nothing removed, what stands above its surroundings
     removed, and hollows softened.
@@ -118,8 +118,8 @@ def least_removal(
     Args:
         x_m: (n,), increasing, 0 at the weld's centre.
         z_m: (n,), positive up.
-        excess: what the limits say of profiles.
-        grinder: what can be done.
+        excess: evaluates profiles.
+        grinder: its capabilities.
         begin: a removal from the same profile by the same grinder to begin with.
         on_step: called after each step of the search.
 
@@ -135,7 +135,7 @@ def least_removal(
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """A removal with what it costs: in coefficients of the greatest depth, an excess weighing more than all of them."""
+    """A removal with its merit: its area in splines of the greatest depth, plus a penalty on the largest excess."""
 
     shares: FloatArray
     removal_m: FloatArray
@@ -152,7 +152,7 @@ def _merit(point: _Point) -> float:
 
 
 class _Search:
-    """A profile and what can be taken off it; coefficients are shares of the greatest depth."""
+    """The search over one profile; coefficients are shares of the greatest depth."""
 
     def __init__(self, x_m: FloatArray, z_m: FloatArray, excess: Excess, grinder: Grinder) -> None:
         self.grinder, self._excess = grinder, excess
@@ -166,7 +166,7 @@ class _Search:
         self._penalty = _PENALTY * self.splines.shape[1]
 
     def at(self, coefficients_m: Sequence[FloatArray]) -> list[_Point]:
-        """What removals really come to."""
+        """Evaluate removals, with the stone's circle taken into account."""
         most = self.grinder.most_m
         removals = [self._ground(self.splines @ c) for c in coefficients_m]
         excesses = self._excess([(self.x_m, self.z_m - removal) for removal in removals])
@@ -176,7 +176,7 @@ class _Search:
         ]
 
     def _ground(self, wanted_m: FloatArray) -> FloatArray:
-        """The removal after the stone has run over what was wanted."""
+        """Return the removal that a stone of the grinder's radius leaves."""
         ground = closed(self.x_m, self.z_m - wanted_m, self.grinder.stone_radius_m)
         return np.where(wanted_m > 0, np.maximum(self.z_m - ground, 0.0), 0.0)
 
@@ -189,7 +189,7 @@ class _Search:
         return Removal(self.x_m, self.z_m, point.removal_m, point.excess, coefficients)
 
     def gentle(self) -> list[FloatArray]:
-        """Coefficients (n_spline,) that take off about what stands above its surroundings, or that soften hollows.
+        """Return starts, each (n_spline,): remove what stands above its surroundings, or soften hollows.
 
         A hollow is softened to a curvature by the lower envelope of parabolas that stand on the surface.
         """
@@ -201,7 +201,7 @@ class _Search:
         return [np.minimum(coefficients, self.grinder.most_m) for coefficients in fitted]
 
     def raced(self, starts: Sequence[_Point], on_step: Callable[[], None]) -> _Point:
-        """The best that is reached from any start: all go a few steps, the better half goes on."""
+        """Return the best point reached from any start: all go a few steps, the better half goes on."""
         running = list(starts)
         while len(running) > 1:
             running = sorted((self.descended(point, _STEPS_A_RACE, on_step) for point in running), key=_merit)
@@ -209,7 +209,7 @@ class _Search:
         return self.descended(running[0], MOST_STEPS, on_step)
 
     def descended(self, here: _Point, steps: int, on_step: Callable[[], None]) -> _Point:
-        """Step after step, as long as they pay."""
+        """Go on step by step, as long as the merit improves."""
         region, slopes = _FIRST_REGION_M / self.grinder.most_m, None
         for _ in range(steps):
             slopes = self._slopes(here) if slopes is None else slopes
@@ -226,13 +226,13 @@ class _Search:
         return here
 
     def _slopes(self, here: _Point) -> FloatArray:
-        """(n_constraint, n_spline), what each coefficient does to each constraint."""
+        """Return the derivative of each constraint by each coefficient, (n_constraint, n_spline)."""
         most = self.grinder.most_m
         probes = self.at([most * here.shares + _PROBE_M * unit for unit in np.eye(len(here.shares))])
         return np.stack([probe.excess - here.excess for probe in probes], axis=1) * (most / _PROBE_M)
 
     def _proposed(self, here: _Point, slopes: FloatArray, region: float) -> FloatArray:
-        """Coefficients (n_spline,) within the region that are best if constraints are linear."""
+        """Return the coefficients (n_spline,) within the region that are best for linearised constraints."""
         shares = here.shares
         can_exceed = here.excess + MARGIN + region * np.abs(slopes).sum(axis=1) > 0
         rows, at = slopes[can_exceed], here.excess[can_exceed] + MARGIN
@@ -246,7 +246,7 @@ class _Search:
 
 
 def extended(x_m: FloatArray, z_m: FloatArray, reach_m: float) -> Profile:
-    """A profile with what the simulation takes the rail to be within reach of its ends: joined, then level."""
+    """Return a profile with the rail beside it as the simulation assumes it: joined, then level."""
     x, z, _ = joined(np.asarray(x_m, dtype=np.float64), np.asarray(z_m, dtype=np.float64))
     spacing = float(np.median(np.diff(x_m)))
     before = np.arange(x_m[0] - reach_m, x[0] - spacing / 2, spacing)
@@ -255,7 +255,7 @@ def extended(x_m: FloatArray, z_m: FloatArray, reach_m: float) -> Profile:
 
 
 def splines(x_m: FloatArray, first_m: float, last_m: float, knots_m: float) -> FloatArray:
-    """Cubic B-splines at `x_m`, (n, n_spline): all of sum 1 that lie between two places, centred between them."""
+    """Return cubic B-splines at `x_m`, (n, n_spline): all that lie between two places, centred between them."""
     count = max(0, int((last_m - first_m) / knots_m + 1e-9) - 3)
     begin = (first_m + last_m - (count + 3) * knots_m) / 2
     one = BSpline.basis_element(np.arange(5.0), extrapolate=False)
@@ -263,7 +263,7 @@ def splines(x_m: FloatArray, first_m: float, last_m: float, knots_m: float) -> F
 
 
 def _softened(x_m: FloatArray, z_m: FloatArray, curvature_per_m: float) -> FloatArray:
-    """Lower envelope, (n,), of parabolas that stand on the surface (n,)."""
+    """Return the lower envelope, (n,), of parabolas that stand on the surface (n,)."""
     at = np.linspace(x_m[0], x_m[-1], _STANDING)
     squares = (at[:, None] - at) ** 2 / 2
     lower = np.min(np.interp(at, x_m, z_m) + curvature_per_m * squares, axis=1)
@@ -271,7 +271,7 @@ def _softened(x_m: FloatArray, z_m: FloatArray, curvature_per_m: float) -> Float
 
 
 def closed(x_m: FloatArray, z_m: FloatArray, radius_m: float) -> FloatArray:
-    """A surface (n,) as a circle leaves it that rolls over it from above: hollows that it cannot reach are bridged."""
+    """Return the morphological closing (n,) of a surface by a circle: hollows that it cannot reach are bridged."""
     slopes = np.diff(z_m) / np.diff(x_m)
     if np.all(np.diff(slopes) <= (x_m[2:] - x_m[:-2]) / (2 * radius_m)):
         return z_m  # nowhere sharper than the circle, which reaches it everywhere

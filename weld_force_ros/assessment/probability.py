@@ -13,7 +13,7 @@ _GROUPS = 8  # of a continuous quantity, whose means are compared
 
 
 def influences(values: FloatArray, spread: UncertaintyResult) -> Mapping[str, float]:
-    """Share of a value's variance that goes with each unknown quantity by itself; the rest is noise and interplay.
+    """Return the share of a value's variance that each uncertain quantity explains by itself; the rest is noise.
 
     Correlation ratios (Pearson 1905), corrected for what chance alone would explain (Kelley, Proc. Natl. Acad. Sci. 21,
     1935).
@@ -23,7 +23,7 @@ def influences(values: FloatArray, spread: UncertaintyResult) -> Mapping[str, fl
         spread: the samples' inputs.
 
     Returns:
-        Nothing if the value does not vary.
+        Shares by quantity; empty if the value does not vary.
     """
     total = float(np.var(values))
     if total <= (1e-9 * float(np.abs(values).max(initial=0.0))) ** 2:
@@ -44,7 +44,7 @@ def influences(values: FloatArray, spread: UncertaintyResult) -> Mapping[str, fl
 
 
 def _explained(values: FloatArray, factor: FloatArray) -> float:
-    """Variance of values (n,) that goes with a factor (n,)."""
+    """Return the variance of values (n,) that a factor (n,) explains."""
     levels = np.unique(factor)
     if len(levels) > _GROUPS:
         levels = np.quantile(factor, np.arange(_GROUPS) / _GROUPS)

@@ -53,7 +53,7 @@ class Limit(msgspec.Struct, kw_only=True, frozen=True):
 
 
 class Rules(msgspec.Struct, kw_only=True, frozen=True):
-    """How limits become a decision; without rules the worst position counts and any sampling will do.
+    """Rules by which limits become a decision; without them the worst position counts and any sampling will do.
 
     Attributes:
         unknown_position: of a weld whose place in the span is unknown: the worst position's decision, or `undecided`
@@ -85,7 +85,7 @@ class AssessmentSettings(Message, kw_only=True):
     gradient_norm: Annotated[list[NormPoint], Meta(max_length=100)] = []
 
     def problem(self) -> str | None:
-        """A limit that cannot be applied, or a hash that is not the content's; else None."""
+        """Return why a limit cannot be applied, or that the hash is not the content's; else None."""
         for limit in self.limits:
             if limit.reject_limit < limit.limit:
                 return f"limit {limit.name}: reject_limit is below limit"
@@ -125,7 +125,7 @@ class Criterion(msgspec.Struct, kw_only=True, frozen=True):
 
 
 class PositionOutcome(msgspec.Struct, kw_only=True, frozen=True):
-    """What would be decided if the weld lay there."""
+    """The decision if the weld lay at that position."""
 
     position_m: Metres
     decision: Decision
@@ -148,7 +148,7 @@ class HollowBand(msgspec.Struct, kw_only=True, frozen=True):
 
 
 class Restriction(msgspec.Struct, kw_only=True, frozen=True):
-    """What running at most at a speed would do to the peak force.
+    """The effect of a speed restriction on the peak force.
 
     Attributes:
         peak_force_n: at that speed.
@@ -163,7 +163,7 @@ class Restriction(msgspec.Struct, kw_only=True, frozen=True):
 
 
 class Verdict(Message, kw_only=True):
-    """What to do with a weld, and why.
+    """The decision on a weld, and its reasons.
 
     Attributes:
         unjudged: limits that could not be applied, as what they are about was not computed.
@@ -246,14 +246,14 @@ class GrindingAdvice(Message, kw_only=True):
     elapsed_s: Seconds
 
     def problem(self) -> str | None:
-        """Columns of different length; else None."""
+        """Return which columns differ in length; else None."""
         return wrong_length(self, ("z_m", "removal_m"), len(self.x_m)) or wrong_length(
             self, ("peak_before_n", "peak_after_n"), len(self.speeds_kmh)
         )
 
 
 def limits_sha256(settings: AssessmentSettings) -> str:
-    """Identity of what verdicts are made with; of limits without rules and norm as it always was."""
+    """Return the identity of what verdicts are made with; of limits without rules and norm as in version 1.0."""
     limits = [msgspec.to_builtins(limit) for limit in settings.limits]
     if settings.rules is UNSET and not settings.gradient_norm:
         return json_sha256(limits)

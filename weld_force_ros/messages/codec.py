@@ -18,7 +18,7 @@ class _Version(msgspec.Struct):
 
 
 def encode(message: Message) -> bytes:
-    """The JSON of a message that keeps the contract.
+    """Return the JSON of a message that keeps the contract.
 
     Raises:
         MessageError: a value that the contract forbids (a NaN, unequal lengths, a bound exceeded).
@@ -59,7 +59,7 @@ def decode(kind: type[M], data: bytes | str) -> M:
 
 
 def legible(reason: str) -> str:
-    """A parser's message as a clause of one short line: it may hold any part of the input."""
+    """Return a parser's message, which may hold any part of the input, as one short printable line."""
     line = " ".join("".join(c if c.isprintable() else " " for c in reason).split())
     return line if len(line) <= _LONGEST_REASON else line[:_LONGEST_REASON] + "…"
 

@@ -69,7 +69,7 @@ class Stamp(msgspec.Struct, kw_only=True, frozen=True):
 
 
 class Message(msgspec.Struct, kw_only=True):
-    """What every message carries; `sequence` counts up by one per publisher and topic, so that a gap is a loss.
+    """The header of every message; `sequence` counts up by one per publisher and topic, so that a gap is a loss.
 
     `publisher` is a node's full name and a token of its start: DDS tells a Python subscriber not who sent a message.
     """
@@ -80,7 +80,7 @@ class Message(msgspec.Struct, kw_only=True):
     stamp: Stamp = Stamp()
 
     def problem(self) -> str | None:
-        """What the schema cannot say and is wrong here, or None."""
+        """Return why the message is invalid beyond its schema, or None."""
         return None
 
 
@@ -94,7 +94,7 @@ def wrong_length(of: msgspec.Struct, names: Sequence[str], count: int, where: st
 
 
 def increasing(values: Sequence[float]) -> bool:
-    """Whether each value is larger than the one before it."""
+    """Return whether each value is larger than the one before it."""
     return all(a < b for a, b in itertools.pairwise(values))
 
 
@@ -110,5 +110,5 @@ def json_sha256(content: object) -> str:
 
 
 def known(value: T | UnsetType) -> T | None:
-    """A field's value, or None where it is absent."""
+    """Return a field's value, or None where it is absent."""
     return None if isinstance(value, UnsetType) else value

@@ -44,14 +44,14 @@ class RailSurface(Message, kw_only=True):
     height_positive: UpOrDown
 
     def problem(self) -> str | None:
-        """Not one height for every chainage; else None."""
+        """Return that chainages and heights differ in number; else None."""
         if len(self.chainage) == len(self.height):
             return None
         return f"{len(self.chainage)} chainages but {len(self.height)} heights"
 
 
 class WeldMarker(Message, kw_only=True):
-    """Here is a weld: at `chainage_m`, or where the trolley is now; what is known of it goes into its profile."""
+    """A weld's place: at `chainage_m`, or where the trolley is now; what is known of it goes into its profile."""
 
     chainage_m: Metres | UnsetType = UNSET
     weld_id: Name | UnsetType = UNSET
@@ -62,13 +62,13 @@ class WeldMarker(Message, kw_only=True):
 
 
 class Inquiry(Message, kw_only=True):
-    """Which of these measurements have their verdict or rejection? Answered on `settled`."""
+    """A question which of these measurements have their verdict or rejection, answered on `settled`."""
 
     profile_ids: ProfileIds
 
 
 class Settled(Message, kw_only=True):
-    """These measurements have their verdict or rejection, recorded and published.
+    """Measurements whose verdict or rejection is recorded and published.
 
     The assessment node says so of each as it comes; asked by an Inquiry, it names those that have (perhaps none).
     """

@@ -49,7 +49,7 @@ class WeldProfile(Message, kw_only=True):
     conditioning: Annotated[list[Text], Meta(max_length=50)] = []
 
     def problem(self) -> str | None:
-        """Why the geometry cannot be simulated, or the hash is not that of the samples; None if all is well."""
+        """Return why the geometry cannot be simulated, or that the hash is not that of the samples; else None."""
         return profile_problem(self.x_m, self.z_m) or (
             None
             if self.profile_sha256 == profile_sha256(self.x_m, self.z_m)
@@ -58,7 +58,7 @@ class WeldProfile(Message, kw_only=True):
 
 
 class ProfileMeasures(msgspec.Struct, kw_only=True, frozen=True):
-    """What a profile's geometry says without a wheel."""
+    """Measures of a profile's geometry by itself."""
 
     kind: GeometryKind
     dip_m: Annotated[float, Meta(description="m, deepest place below its surroundings", ge=0.0)]
@@ -71,7 +71,7 @@ class ProfileMeasures(msgspec.Struct, kw_only=True, frozen=True):
 
 
 def profile_problem(x_m: Sequence[float], z_m: Sequence[float]) -> str | None:
-    """Why a geometry cannot be simulated, in one clause, or None.
+    """Return why a geometry cannot be simulated, in one clause, or None.
 
     Bounds (design.md): 20 samples or more, x increasing, spacing up to 10 mm, heights spanning up to 10 mm, length up
     to 5 m.
@@ -102,12 +102,12 @@ def profile_problem(x_m: Sequence[float], z_m: Sequence[float]) -> str | None:
 
 
 def profile_sha256(x_m: Sequence[float], z_m: Sequence[float]) -> str:
-    """Identity of a geometry: SHA-256 of the JSON of its samples (shortest round-trip decimals, so exact)."""
+    """Return the identity of a geometry: SHA-256 of its samples' JSON (shortest round-trip decimals, so exact)."""
     return json_sha256([list(map(float, x_m)), list(map(float, z_m))])
 
 
 def measurement_id(source: str, content_sha256: str) -> str:
-    """Identity of one measurement: of where it came from (a file's name) and of its content."""
+    """Return the identity of one measurement: of where it came from (a file's name) and of its content."""
     return json_sha256([source, content_sha256])
 
 
@@ -118,7 +118,7 @@ class _About(Protocol):
 
 
 def identity(message: _About) -> str:
-    """Which measurement a message is about; of publishers that name none, one geometry of one weld is one."""
+    """Return which measurement a message is about; without a name, one geometry of one weld is one measurement."""
     if isinstance(message.profile_id, str):
         return message.profile_id
     return json_sha256([message.weld_id, message.profile_sha256])

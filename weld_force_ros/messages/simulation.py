@@ -32,7 +32,7 @@ from weld_force_ros.messages.profile import ProfileMeasures
 
 
 class Uncertainty(msgspec.Struct, kw_only=True, frozen=True):
-    """What is not known exactly, and how many samples of it are rolled: `weld_force_ros.simulation.uncertainty`."""
+    """Quantities that are uncertain, and how many samples of them are simulated."""
 
     samples: Annotated[int, Meta(ge=2, le=MAX_SAMPLED)]
     seed: Number = 1
@@ -54,7 +54,7 @@ class Uncertainty(msgspec.Struct, kw_only=True, frozen=True):
 
 
 class SimulationSettings(Message, kw_only=True):
-    """What a force map depends on beside the profile; latched, so that every recording holds it."""
+    """Everything that a force map depends on beside the profile; latched, so that every recording holds it."""
 
     config_sha256: Sha256
     track: Name
@@ -71,7 +71,7 @@ class SimulationSettings(Message, kw_only=True):
     uncertainty: Uncertainty | UnsetType = UNSET
 
     def problem(self) -> str | None:
-        """Speeds or positions out of order, too large a grid, or a hash that is not the content's; else None."""
+        """Return why the grid cannot be computed, or that the hash is not the content's; else None."""
         if len(self.speeds_kmh) * len(self.positions_m) > MAX_CELLS:
             return f"more than {MAX_CELLS} passages in one map"
         if not increasing(self.speeds_kmh) or not increasing(self.positions_m):
@@ -82,7 +82,7 @@ class SimulationSettings(Message, kw_only=True):
 
 
 class SpeedCurve(msgspec.Struct, kw_only=True):
-    """The worst over all positions that count, speed by speed, finer than the map: for advice on speed.
+    """The worst over all relevant positions, speed by speed, finer than the map: for speed advice.
 
     Attributes:
         at_m: where the weld lies in the passage with the largest peak.
@@ -98,7 +98,7 @@ class SpeedCurve(msgspec.Struct, kw_only=True):
 
 
 class UncertaintyResult(msgspec.Struct, kw_only=True):
-    """What samples of the unknown came to: the worst over speeds up to the line's, row-major (sample, position).
+    """Results of Monte-Carlo samples: the worst over speeds up to the line's, row-major (sample, position).
 
     `positions_m` are those that count; the inputs of each sample stand beside: factors on the nominal value, and the
     wheel's radius.
@@ -167,7 +167,7 @@ class ForceMap(Message, kw_only=True):
     rail: Name | UnsetType = UNSET
 
     def problem(self) -> str | None:
-        """Matrices that do not fit their axes, or axes out of order; else None."""
+        """Return which matrix does not fit its axes, or that axes are out of order; else None."""
         if not increasing(self.speeds_kmh) or not increasing(self.positions_m):
             return "speeds_kmh and positions_m must increase"
         cells = len(self.speeds_kmh) * len(self.positions_m)
@@ -209,11 +209,11 @@ class ForceHistory(Message, kw_only=True):
     irregularity_m: Cells
 
     def problem(self) -> str | None:
-        """Columns of different length; else None."""
+        """Return that columns differ in length; else None."""
         lengths = {len(c) for c in (self.x_m, self.force_n, self.wheel_m, self.rail_m, self.irregularity_m)}
         return None if len(lengths) == 1 else "x_m, force_n, wheel_m, rail_m and irregularity_m differ in length"
 
 
 def config_sha256(settings: SimulationSettings) -> str:
-    """Identity of simulation settings: SHA-256 of their content without the header and the hash itself."""
+    """Return the identity of simulation settings: SHA-256 of their content without the header and the hash itself."""
     return json_sha256(content_without_header(settings, "config_sha256"))

@@ -41,7 +41,7 @@ SCHEMAS: tuple[type[Message], ...] = (*TOPICS, GrindingAdvice)
 
 
 def json_schema(kind: type[Message]) -> dict[str, Any]:
-    """JSON Schema (2020-12) of a message, with every reference written out: Lichtblick resolves none."""
+    """Return the JSON Schema (2020-12) of a message, with every reference written out: Lichtblick resolves none."""
     (schema,), components = msgspec.json.schema_components([kind], ref_template="{name}")
     inlined: dict[str, Any] = _inline(schema, components)
     required = sorted({*inlined.get("required", []), *Message.__struct_fields__}, key=list(inlined["properties"]).index)

@@ -33,7 +33,7 @@ _DATA = resources.files("weld_force_ros.data")
 
 
 class Fit(msgspec.Struct, kw_only=True, tag_field="engine"):
-    """A fit on disk: what it was made from, how well it came out, and what no fit could do better.
+    """A fit on disk: its input, its errors, and the errors that no causal fit could avoid.
 
     `*_by_band` follow `bands_hz` (pairs of ends): RMS of |fit - exact| / |exact + contact and wheel|, and the same for
     the exact receptance cut at the impulse, mid-span.
@@ -66,7 +66,7 @@ class PolesFit(Fit, kw_only=True, tag="common-poles"):
     residues_im: list[float]
 
     def model(self) -> PoleModel:
-        """The fitted track."""
+        """Return the fitted track."""
         shape = (len(self.section_m), len(self.poles_re_rad_s))
         return PoleModel(
             poles_rad_s=np.array(self.poles_re_rad_s) + 1j * np.array(self.poles_im_rad_s),
@@ -100,7 +100,7 @@ class RfpFit(Fit, kw_only=True, tag="rfp"):
     plain_variation: float
 
     def model(self) -> RfpModel:
-        """The fitted track."""
+        """Return the fitted track."""
         shape = (self.section_count, self.order)
         return RfpModel(
             denominator=np.array(self.denominator).reshape(shape),
@@ -114,7 +114,7 @@ AnyFit = PolesFit | RfpFit
 
 
 class Search(msgspec.Struct, frozen=True):
-    """How the rational fractions of a track are searched for."""
+    """Settings of the search for a track's rational fractions."""
 
     degree: int = rational_search.DEGREE
     section_count: int = rational_search.SECTIONS
@@ -132,7 +132,7 @@ class _Interrupted(msgspec.Struct):
 
 
 def key_of(definition: TrackDefinition, engine: FittedEngine = "common-poles", searched: Search | None = None) -> str:
-    """Identity of a fit: the numbers it depends on, not the text they came in."""
+    """Return the identity of a fit: of the numbers it depends on, not of the text they came in."""
     track = {name: value for name, value in asdict(definition.track).items() if name not in _LATER or value}
     content = [FIT_VERSION, engine, track | {"name": ""}, asdict(definition.wheel)]
     if engine == "rfp":
@@ -158,12 +158,12 @@ def fitted(
     *,
     on_fit: Callable[[str], None] | None = None,
 ) -> AnyFit:
-    """The fit of a track: shipped, cached, or made now and cached.
+    """Return the fit of a track: shipped, cached, or made now and cached.
 
     Args:
         definition: the track and its own wheel, by which errors are weighed.
         engine: which kind of fit.
-        on_fit: told, in words, if the fit has to be made and how long that takes.
+        on_fit: called with a line of text if the fit has to be made: which, and how long it takes.
     """
     key = key_of(definition, engine)
     shipped_file = _DATA / "fits" / f"{definition.track.name}.{engine}.json"
@@ -276,7 +276,7 @@ def _interrupted(file: Path, key: str) -> rational_search.Population | None:
 
 
 def _account(definition: TrackDefinition, key: str, model: PoleModel | RfpModel) -> dict[str, Any]:
-    """What every fit says of itself."""
+    """Return the fields that every fit has."""
     track, compliance = definition.track, definition.wheel.compliance
     before = acausal(track, track.spacing_m / 2)
     return {
@@ -299,7 +299,7 @@ def write(fit: AnyFit, path: Path) -> None:
 
 
 def _read(file: resources.abc.Traversable, key: str) -> AnyFit | None:
-    """A fit file of that key, or None: a damaged cache entry is as good as none."""
+    """Return the fit of that key in a file, or None: a damaged cache entry counts as absent."""
     try:
         fit: AnyFit = msgspec.json.decode(file.read_bytes(), type=AnyFit)
         fit.model()

@@ -82,7 +82,7 @@ class Passages:
 
     @property
     def columns(self) -> Mapping[str, FloatArray]:
-        """Those that were computed, by name."""
+        """The arrays that were computed, by name."""
         return {name: getattr(self, name) for name in COLUMNS if getattr(self, name) is not None}
 
     def at(self, part: Any) -> "Passages":

@@ -65,7 +65,7 @@ class _Foot(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Standard(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """What the standard says of a section."""
+    """The standard's own figures of a section."""
 
     mass_kg_per_m: float
     area_cm2: float
@@ -75,7 +75,7 @@ class Standard(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class SectionFile(msgspec.Struct, forbid_unknown_fields=True):
-    """A section as its file states it."""
+    """A rail section as its file states it."""
 
     name: Annotated[str, Meta(min_length=1, max_length=60)]
     description: str
@@ -88,7 +88,7 @@ class SectionFile(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class SectionDefinition(msgspec.Struct, frozen=True):
-    """A section and what its standard says of it."""
+    """A rail section's dimensions, with its standard's own figures."""
 
     name: str
     description: str
@@ -98,13 +98,13 @@ class SectionDefinition(msgspec.Struct, frozen=True):
 
 
 def shipped() -> list[str]:
-    """Names of the sections that come with the package."""
+    """Return the names of the bundled sections."""
     return sorted(f.name.removesuffix(".yaml") for f in _DATA.iterdir() if f.name.endswith(".yaml"))
 
 
 @cache
 def load(name: str) -> SectionDefinition:
-    """A shipped section by name.
+    """Return a bundled section by name.
 
     Raises:
         TrackError: there is none of that name.
@@ -117,7 +117,7 @@ def load(name: str) -> SectionDefinition:
 
 
 def parse(text: bytes, source: str) -> SectionDefinition:
-    """A section from the text of its file; `source` names it in errors.
+    """Read a section from the text of its file; `source` names it in errors.
 
     Raises:
         TrackError: not of the form of `data/sections/60E1.yaml`.
@@ -131,7 +131,7 @@ def parse(text: bytes, source: str) -> SectionDefinition:
 
 
 def described(file: SectionFile) -> SectionDefinition:
-    """A section from what its file says."""
+    """Return a section from what its file says."""
     head, web, foot = file.head, file.web, file.foot
     fillets = (head.corner, web.upper_fillet, web.lower_fillet, foot.joint, foot.upper_corner, foot.lower_corner)
     dimensions = Dimensions(

@@ -89,12 +89,12 @@ class TrackDefinition:
 
 
 def shipped() -> list[str]:
-    """Names of the tracks that come with the package."""
+    """Return the names of the bundled tracks."""
     return sorted(f.name.removesuffix(".yaml") for f in (_DATA / "tracks").iterdir() if f.name.endswith(".yaml"))
 
 
 def load(name_or_path: str) -> TrackDefinition:
-    """A shipped track by name, or a user's own by the path of its YAML file.
+    """Read a bundled track by name, or a user's own by the path of its YAML file.
 
     Raises:
         TrackError: neither a shipped track nor a readable file, or a file that does not describe a track.
@@ -114,7 +114,7 @@ def load(name_or_path: str) -> TrackDefinition:
 
 
 def parse(text: str, source: str) -> TrackDefinition:
-    """A track from the text of its file; `source` names it in errors.
+    """Read a track from the text of its file; `source` names it in errors.
 
     Raises:
         TrackError: not YAML, an unknown or missing field, or a number out of its range.
@@ -144,17 +144,17 @@ def parse(text: str, source: str) -> TrackDefinition:
         raise TrackError(
             f"track file {source}: supports.pad.width_m with a rail that is a beam", "write `model: finite-strip`"
         )
-    rolling = Wheel(
+    running = Wheel(
         mass_kg=positive("wheel.mass_kg", wheel.mass_kg),
         static_load_n=positive("wheel.static_load_kn", wheel.static_load_kn) * 1e3,
         radius_m=reader.within("wheel.radius_m", wheel.radius_m, 0.1, 1.5),
         hertz_n_per_m15=positive("wheel.hertz_gn_per_m15", wheel.hertz_gn_per_m15) * 1e9,
     )
-    return TrackDefinition(track, rolling, file.description, text)
+    return TrackDefinition(track, running, file.description, text)
 
 
 def _rail(reader: "_Reader", file: _RailFile) -> Rail:
-    """The beam, or the finite strips, that a file describes."""
+    """Return the beam, or the rail of finite strips, that a file describes."""
     section = _section(reader, file)
     standard = section.standard if section else None
 
@@ -198,7 +198,7 @@ def _rail(reader: "_Reader", file: _RailFile) -> Rail:
 
 
 def _section(reader: "_Reader", file: _RailFile) -> section_file.SectionDefinition | None:
-    """The section that is named or described; None if there is no such name, which a beam does not need."""
+    """Return the section that is named or described; None for an unknown name, as a beam needs none."""
     if isinstance(file.section, str):
         return section_file.load(file.section) if file.section in section_file.shipped() else None
     return section_file.described(file.section)

@@ -1,4 +1,4 @@
-"""What is not known of a weld's passage, drawn at random from a seed, and what a result varies with.
+"""Draw what is uncertain about a weld's passage at random, from a seed.
 
 Support and contact stiffness are drawn from a few levels of equal probability that have the mean and variance of the
 normal distribution of their logarithm: tables of a wheel on a track are made once a level and serve many samples.
@@ -32,12 +32,12 @@ class Draws:
 
 
 def draw(unknown: Uncertainty) -> Draws:
-    """The samples of an uncertainty; the same for every weld, so that welds compare."""
+    """Return the samples of an uncertainty: the same for every weld, so that welds compare."""
     generator = np.random.default_rng(unknown.seed)
     count = unknown.samples
 
     def evenly() -> FloatArray:
-        """Once in each n-th of 0 to 1, in random order."""
+        """Return one number in each n-th of 0 to 1, in random order."""
         return np.asarray((generator.permutation(count) + generator.random(count)) / count)
 
     def levels(deviation: float, level_count: int) -> FloatArray:
@@ -52,7 +52,7 @@ def draw(unknown: Uncertainty) -> Draws:
 
 
 def noisy(x_m: FloatArray, z_m: FloatArray, unknown: Uncertainty, seed: int) -> FloatArray:
-    """Heights as they might have been, (n,): noise correlated along the rail, zero at both ends as after levelling.
+    """Return heights with measurement noise, (n,): correlated along the rail, zero at both ends as after levelling.
 
     Args:
         x_m: (n,), increasing.
@@ -73,7 +73,7 @@ def noisy(x_m: FloatArray, z_m: FloatArray, unknown: Uncertainty, seed: int) -> 
 
 
 def _standard_levels(count: int) -> FloatArray:
-    """Levels of equal probability with mean 0 and variance 1, as the normal distribution's middles lie."""
+    """Return levels of equal probability with mean 0 and variance 1: medians of parts of the normal distribution."""
     if count == 1:
         return np.zeros(1)
     middles = norm.ppf((np.arange(count) + 0.5) / count)
