@@ -167,7 +167,7 @@ class _Nodes:
 
     def look_for_lost(self) -> None:
         """Compare what was offered with what was judged and recorded."""
-        recorded = Counter(verdict.weld_id for verdict in replay.read(self.bag).verdicts)
+        recorded = Counter(verdict.weld_id for verdict in replay.open_recording(self.bag).verdicts)
         self.lost = {weld for weld in self.offered_s if weld not in self.judged_s or recorded[weld] != 1}
 
 

@@ -30,7 +30,7 @@ def recorded(folder: Path, messages: list[Message], *, damaged: bool = False) ->
             text = msgspec.json.encode(message).decode() if damaged else encode(message).decode()
             topic = "/left" + "/" + TOPICS[type(message)].name
             recorder.write(topic, STRING, string_cdr(text), log_time_ns=n, publish_time_ns=n)
-    return replay.read(folder / "bag")
+    return replay.open_recording(folder / "bag")
 
 
 def changed(messages: list[Message], kind: str, **fields: object) -> list[Message]:
@@ -96,7 +96,7 @@ def test_a_bag_of_somebody_else_is_refused(tmp_path):
     with Recorder(tmp_path / "bag") as recorder:
         recorder.write("/chatter", STRING, string_cdr("hello"), log_time_ns=1, publish_time_ns=1)
     with pytest.raises(BagError, match="no message of this suite"):
-        replay.read(tmp_path / "bag")
+        replay.open_recording(tmp_path / "bag")
 
 
 def test_a_cut_bag_is_replayed_up_to_the_cut(tmp_path, messages):
@@ -104,7 +104,7 @@ def test_a_cut_bag_is_replayed_up_to_the_cut(tmp_path, messages):
     whole = (tmp_path / "bag" / "bag_0.mcap").read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[: int(len(whole) * 0.97)])
-    recording = replay.read(cut)
+    recording = replay.open_recording(cut)
     assert recording.damage
     assert differences(recording) == []
 

@@ -23,7 +23,7 @@ from weld_force_ros.messages import (
     profile_sha256,
 )
 from weld_force_ros.recording import STRING, Recorder, string_cdr
-from weld_force_ros.recording.replay import Recording, read
+from weld_force_ros.recording.replay import Recording, open_recording
 from weld_force_ros.recording.what_if import NotComputed, read_change, what_if
 from weld_force_ros.simulation.settings import simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
@@ -56,7 +56,7 @@ def recorded(folder: Path, messages: list[Message]) -> Recording:
         for n, message in enumerate(messages):
             data = string_cdr(encode(message).decode())
             recorder.write("/" + TOPICS[type(message)].name, STRING, data, log_time_ns=n, publish_time_ns=n)
-    return read(folder / "bag")
+    return open_recording(folder / "bag")
 
 
 def without(messages: list[Message], kind: str) -> list[Message]:

@@ -165,7 +165,7 @@ def test_a_bag_becomes_a_page(capfd, tmp_path):
     code, lines, err = run(capfd, "report", str(BAG), "-o", str(out))
     assert (code, lines) == (0, [])
     assert "written" in err
-    verdicts = replay.read(BAG).verdicts
+    verdicts = replay.open_recording(BAG).verdicts
     rows = json.loads(re.search(r'id="rows">(.*?)</script>', out.read_text()).group(1))
     assert [(r["weld"], r["decision"]) for r in rows] == [(v.weld_id, v.decision) for v in verdicts]
 

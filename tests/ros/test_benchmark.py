@@ -23,11 +23,13 @@ def test_every_weld_is_counted_and_none_lost() -> None:
 
 
 def test_weld_without_a_recorded_verdict_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
-    def without_the_last(bag: Path, read: Callable[[Path], replay.Recording] = replay.read) -> replay.Recording:
+    def without_the_last(
+        bag: Path, read: Callable[[Path], replay.Recording] = replay.open_recording
+    ) -> replay.Recording:
         recording = read(bag)
         return replace(recording, verdicts=recording.verdicts[:-1])
 
-    monkeypatch.setattr(replay, "read", without_the_last)
+    monkeypatch.setattr(replay, "open_recording", without_the_last)
     assert nodes.sustained(seconds=0.5, welds_per_s=4.0)["sustained_lost"] == 2  # one of each run
 
 

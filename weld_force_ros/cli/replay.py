@@ -99,9 +99,9 @@ def _publish(
 
 def _compute(bag: Path, verify: bool, changes: dict[str, Any] | None, json: str | None) -> None:
     from weld_force_ros.cli import terminal
-    from weld_force_ros.recording.replay import read
+    from weld_force_ros.recording.replay import open_recording
 
-    recording = read(bag)
+    recording = open_recording(bag)
     if recording.damage:
         terminal.say(f"{bag}: {recording.damage}; replaying what is there")
     if changes is not None:

@@ -54,11 +54,11 @@ def _entries(of: Path, limits: "AssessmentSettings | None") -> "list[Record]":
     from weld_force_ros.assessment.limits import load_limits
     from weld_force_ros.cli import terminal
     from weld_force_ros.recording import weld_records
-    from weld_force_ros.recording.replay import read
+    from weld_force_ros.recording.replay import open_recording
 
     if of.is_file() and of.suffix != ".mcap":
         return weld_records.mapped(weld_records.read_maps(of), limits or load_limits())
-    recording = read(of)
+    recording = open_recording(of)
     if recording.damage:
         terminal.say(f"{of}: {recording.damage}; reporting what is there")
     for unreadable in recording.unreadable:

@@ -55,10 +55,10 @@ def show(bag: BagPath, weld: Named = None, restrict: Restrict = None, json: Json
 def _read(bag: Path) -> "list[Record]":
     from weld_force_ros.assessment.limits import load_limits
     from weld_force_ros.cli import terminal
-    from weld_force_ros.recording.replay import read
+    from weld_force_ros.recording.replay import open_recording
     from weld_force_ros.recording.weld_records import recorded
 
-    recording = read(bag)
+    recording = open_recording(bag)
     if recording.damage:
         terminal.say(f"{bag}: {recording.damage}; showing what is there")
     for unreadable in recording.unreadable:

@@ -377,6 +377,17 @@ def shipped() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob("*.csv"))}
 
 
+def shipped_profile(name: str) -> WeldProfile:
+    """Read a profile that comes with the package.
+
+    Raises:
+        ProfileError: there is none of that name.
+    """
+    if name not in shipped():
+        raise ProfileError(f"no profile {name!r} comes with the package", f"use {', '.join(shipped())}")
+    return read_profile(shipped()[name])
+
+
 def find(name_or_path: str | Path) -> Path:
     """The file behind a shipped profile's name or a path; a shipped name goes first, `./name` is always a path.
 

@@ -57,7 +57,7 @@ class Recording:
     unreadable: list[BagError] = field(default_factory=list)
 
 
-def read(path: Path) -> Recording:
+def open_recording(path: Path) -> Recording:
     """Sort a bag's messages by kind.
 
     Raises:

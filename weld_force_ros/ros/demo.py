@@ -79,7 +79,7 @@ def demonstrate(folder: Path, *, track: str, on_outcome: Callable[[str], None], 
     if failure is not None:
         raise failure if isinstance(failure, WeldForceError) else WeldForceError(f"a node stopped: {failure}")
     seconds = {name: waited.seconds[name] for name in waited.since_s if name in waited.seconds}
-    return Demonstrated(bag, replay.read(bag), seconds, left + max(0, expected - len(waited.seconds)))
+    return Demonstrated(bag, replay.open_recording(bag), seconds, left + max(0, expected - len(waited.seconds)))
 
 
 @dataclass
