@@ -19,7 +19,7 @@ from weld_force_ros.measurement.profile_file import parse_profile
 from weld_force_ros.messages import ForceMap, Inquiry, Rejection, Settled, Verdict, WeldProfile, decode, encode
 from weld_force_ros.recording import open_bag, replay
 from weld_force_ros.ros import contract_topics, qos
-from weld_force_ros.ros.diagnostics import Health
+from weld_force_ros.ros.diagnostics import NodeDiagnostics
 from weld_force_ros.ros.launcher import KINDS, Kind, Suite
 
 BAD = "# x_unit: mm\nx,z\n0,nonsense\n"
@@ -128,7 +128,7 @@ def test_map_that_was_recorded_but_not_judged_is_judged_without_being_computed_a
     drop(folder, 0, 1)
     with monkeypatch.context() as killed, suite(folder, bag) as first:
         killed.setattr(AssessmentNode, "_assess", lambda *_: None)  # as if killed in between
-        wait_until(lambda: first.nodes["assessment"].messenger.health.received["force_history"] == 1)
+        wait_until(lambda: first.nodes["assessment"].messenger.diagnostics.received["force_history"] == 1)
     with suite(folder, bag, ("assessment",), outcomes):
         outcomes.wait(1)
     assert judged(bag) == Counter(welds(0, 1))
@@ -229,12 +229,12 @@ def test_clock_set_back_by_an_hour_loses_nothing(
 
 
 def test_clock_that_was_set_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    from weld_force_ros.ros import diagnostics as health_module
+    from weld_force_ros.ros import diagnostics
 
-    health, real = Health("/node", "/node#1"), time.time
-    assert health.status().values[-1].value == ""
-    monkeypatch.setattr(health_module.time, "time", lambda: real() + 60)
-    assert "clock was set by +60.0 s" in health.status().values[-1].value
+    node, real = NodeDiagnostics("/node", "/node#1"), time.time
+    assert node.status().values[-1].value == ""
+    monkeypatch.setattr(diagnostics.time, "time", lambda: real() + 60)
+    assert "clock was set by +60.0 s" in node.status().values[-1].value
 
 
 def test_flood_of_a_foreign_publisher_waits_where_it_is_kept(domain_id: int, probe: Probe, folder: Path) -> None:

@@ -80,7 +80,7 @@ def test_inactive_node_leaves_what_comes_for_later(domain_id: int, probe: Probe,
         for i in range(5):
             (folder / f"weld-{i}.csv").write_text(profile_text(100 + i))
         wait_until(lambda: running.nodes["profile"].messenger.sent(WeldProfile) == 5)
-        assert running.nodes[kind].messenger.health.received["weld_profile"] == 0
+        assert running.nodes[kind].messenger.diagnostics.received["weld_profile"] == 0
         assert change(probe, f"{kind}_node", Transition.TRANSITION_ACTIVATE)
         outcomes.wait(5)
     assert sorted(v.weld_id for v in outcomes.messages) == [f"weld-{i}" for i in range(5)]

@@ -31,7 +31,7 @@ from weld_force_ros.messages import (
     measurement_id,
 )
 from weld_force_ros.ros import diagnostics, qos
-from weld_force_ros.ros.diagnostics import Health
+from weld_force_ros.ros.diagnostics import NodeDiagnostics
 from weld_force_ros.ros.sequence_tracker import Header, SequenceTracker, header_of
 
 M = TypeVar("M", bound=Message)
@@ -188,8 +188,8 @@ class ContractTopics:
         self._sequence = dict.fromkeys(self._outlets, 0)
         self._gaps = SequenceTracker()
         self.instance = f"{node.get_fully_qualified_name()}#{secrets.token_hex(4)}"
-        self.health = Health(node.get_fully_qualified_name(), self.instance)
-        self.health.gaps = lambda: self._gaps.missed
+        self.diagnostics = NodeDiagnostics(node.get_fully_qualified_name(), self.instance)
+        self.diagnostics.gaps = lambda: self._gaps.missed
 
     def outlet(
         self,
@@ -202,10 +202,10 @@ class ContractTopics:
         self._others.append(RecordedPublisher(self._node, message_type, topic, profile, record or self._record))
         return self._others[-1]
 
-    def report_health(self) -> None:
+    def publish_diagnostics(self) -> None:
         """Publish the node's state once a second; recorded when it arrives, as it must not wait for a disk."""
         outlet = self.outlet(DiagnosticArray, diagnostics.TOPIC, qos.DIAGNOSTICS, lambda _: None)
-        self.health.report_every_second(self._node, outlet.send)
+        self.diagnostics.publish_periodically(self._node, outlet.send)
 
     def __enter__(self) -> Self:
         return self
@@ -215,7 +215,7 @@ class ContractTopics:
     ) -> None:
         """Withdraw all topics, once every subscriber has what was published, or after a while."""
         self.wait_until_acknowledged(_CLOSE_S)
-        self.health.stop(self._node)
+        self.diagnostics.stop(self._node)
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
         for outlet in (*self._outlets.values(), *self._others):
@@ -234,7 +234,7 @@ class ContractTopics:
             message.publisher, message.sequence = self.instance, self._sequence[kind]
             self._outlets[kind].send(String(data=encode(message).decode()))
             self._sequence[kind] += 1
-        self.health.count_published(TOPICS[kind].name)
+        self.diagnostics.count_published(TOPICS[kind].name)
 
     def publish_again(self, kind: type[Message], cdr: bytes) -> None:
         """Publish a serialised message as it was recorded."""
@@ -243,7 +243,7 @@ class ContractTopics:
 
     def report_problem(self, problem: object) -> None:
         """Log a problem of the node itself, and keep it for /diagnostics."""
-        self.health.report_problem(str(problem))
+        self.diagnostics.report_problem(str(problem))
         self._node.get_logger().error(str(problem))
 
     def reject(self, source: str, error: Exception, raw_text: str = "", **identities: str | UnsetType) -> Rejection:
@@ -283,7 +283,7 @@ class ContractTopics:
             profile_sha256=profile_sha256,
             profile_id=profile_id if isinstance(profile_id, str) else _identity_of_text(source, raw_text),
         )
-        self.health.report_problem(f"{rejection.source}: {rejection.reason}")
+        self.diagnostics.report_problem(f"{rejection.source}: {rejection.reason}")
         self._node.get_logger().warning(f"{rejection.source} rejected: {rejection.reason}; {rejection.remedy}")
         return rejection
 
@@ -307,7 +307,7 @@ class ContractTopics:
         text = _text(sample)
         header = header_of(text)
         repeated = header is not None and self._gaps.note(TOPICS[kind].name, header)
-        self.health.count_received(TOPICS[kind].name)
+        self.diagnostics.count_received(TOPICS[kind].name)
         return Incoming(kind, sample, text, header, repeated)
 
     def join(self, kind: type[Message], text: str) -> None:

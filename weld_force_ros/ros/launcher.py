@@ -123,7 +123,7 @@ class Suite:
     @property
     def failure(self) -> Exception | None:
         """What keeps a node from working at all, if anything does."""
-        failures = (node.messenger.health.failure for node in self.nodes.values() if node.configured)
+        failures = (node.messenger.diagnostics.failure for node in self.nodes.values() if node.configured)
         return self._crash or next(filter(None, failures), None)
 
     @property

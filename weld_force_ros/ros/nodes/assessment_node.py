@@ -157,12 +157,12 @@ class AssessmentNode(LifecycleNodeBase):
         )
 
     def _report(self) -> None:
-        health = self.messenger.health
-        health.queue_length = lambda: self._worker.pending
-        health.facts = self._facts
-        health.warning = self._warning
-        health.alarm = lambda: self._disk_full
-        self.messenger.report_health()
+        diagnostics = self.messenger.diagnostics
+        diagnostics.queue_length = lambda: self._worker.pending
+        diagnostics.facts = self._facts
+        diagnostics.warning = self._warning
+        diagnostics.blocked_by = lambda: self._disk_full
+        self.messenger.publish_diagnostics()
 
     def _facts(self) -> dict[str, object]:
         since = f"{time.monotonic() - self._judged_s:.0f}" if self._verdicts else "none yet"

@@ -54,9 +54,9 @@ class DashboardNode(LifecycleNodeBase):
         server = Server(self._board, html, values["port"])
         self._resources.callback(server.close)
         self.url = server.url
-        self.messenger.health.queue_length = lambda: self._worker.pending
-        self.messenger.health.facts = lambda: {"page": self.url, "welds shown": self._board.count}
-        self.messenger.report_health()
+        self.messenger.diagnostics.queue_length = lambda: self._worker.pending
+        self.messenger.diagnostics.facts = lambda: {"page": self.url, "welds shown": self._board.count}
+        self.messenger.publish_diagnostics()
         for kind in _SHOWN:
             self.messenger.listen(kind, partial(self._queue, kind))
         self.get_logger().info(f"dashboard: {self.url}")

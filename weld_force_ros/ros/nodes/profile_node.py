@@ -47,10 +47,10 @@ class ProfileNode(LifecycleNodeBase):
         self._trolley = self._resources.enter_context(TrolleyInput(self, folder, self.messenger, values))
         timer = self.create_timer(1.0, self._dispatch.ask_again, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._resources.callback(self.destroy_timer, timer)
-        self.messenger.health.queue_length = lambda: self._watcher.waiting
-        self.messenger.health.facts = self._facts
-        self.messenger.health.warning = self._warning
-        self.messenger.report_health()
+        self.messenger.diagnostics.queue_length = lambda: self._watcher.waiting
+        self.messenger.diagnostics.facts = self._facts
+        self.messenger.diagnostics.warning = self._warning
+        self.messenger.publish_diagnostics()
         self.get_logger().info(f"watching {folder}")
 
     def _activate(self) -> None:

@@ -57,9 +57,9 @@ class SimulatorNode(LifecycleNodeBase):
             "simulator", self._handle, self.messenger.report_problem, self._prepare, on_room=self.wake
         )
         self._resources.callback(self._worker.close, CLOSE_S)
-        self.messenger.health.queue_length = lambda: self._worker.pending
-        self.messenger.health.warning = self._warning
-        self.messenger.report_health()
+        self.messenger.diagnostics.queue_length = lambda: self._worker.pending
+        self.messenger.diagnostics.warning = self._warning
+        self.messenger.publish_diagnostics()
         self.messenger.listen(Settled, self._note_settled)
         self.messenger.listen(WeldProfile, self._worker.put)
 
@@ -86,7 +86,7 @@ class SimulatorNode(LifecycleNodeBase):
         try:
             self._simulator = self._load(self._settings)
         except Exception as error:  # reported by whoever runs the node, and in /diagnostics
-            self.messenger.health.fail(error)
+            self.messenger.diagnostics.fail(error)
             return False
         self.get_logger().info(f"track {self._settings.track} ready")
         return True

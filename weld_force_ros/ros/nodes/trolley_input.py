@@ -144,25 +144,28 @@ class TrolleyInput:
             self._note_place()
 
     def _take_points(self, cdr: bytes) -> None:
-        self._messenger.health.count_received(point_cloud.TOPIC)
+        self._messenger.diagnostics.count_received(point_cloud.TOPIC)
         try:
             cloud = _cloud(cdr)
             chainage_m, height_m = point_cloud.samples_of(cloud)
         except MessageError as error:
             self._malformed += 1
-            self._complain_once(str(error))
+            self._report_and_log_once(str(error))
             return
         coarseness_m = point_cloud.coarseness_m(cloud, chainage_m)
         if coarseness_m > STEP_M / 2:
-            self._complain_once(
+            self._report_and_log_once(
                 f"{point_cloud.TOPIC}: x as float32 tells chainages here to {coarseness_m * 1e3:.2g} mm only; "
                 "publish x as float64, or chainages from a nearer origin"
             )
         self._live.take_samples(chainage_m, height_m)
         self._note_place()
 
-    def _complain_once(self, problem: str) -> None:
-        if problem != self._last_problem:
+    def _report_and_log_once(self, problem: str) -> None:
+        """Log a problem once, but keep it in /diagnostics for as long as it lasts."""
+        if problem == self._last_problem:
+            self._messenger.diagnostics.report_problem(problem)
+        else:
             self._last_problem = problem
             self._messenger.report_problem(problem)
 

@@ -40,7 +40,7 @@ class TrolleyNode(LifecycleNodeBase):
         if self._marks == "service":
             self._client = self.create_client(Trigger, CAPTURE_SERVICE)
             self._resources.callback(self.destroy_client, self._client)
-        self.messenger.report_health()
+        self.messenger.publish_diagnostics()
         self._going, self._stopped, self._finished = threading.Event(), threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._go, name="trolley run", daemon=True)
         self._resources.callback(self._stop)
@@ -81,7 +81,7 @@ class TrolleyNode(LifecycleNodeBase):
                 self._measure()
         except Exception as error:  # reported by whoever runs the node, and in /diagnostics
             if not self._stopped.is_set():
-                self.messenger.health.fail(error)
+                self.messenger.diagnostics.fail(error)
 
     def _await_listeners(self) -> bool:
         self.get_logger().info("waiting for somebody who listens")
