@@ -10,15 +10,19 @@ from typing import Any
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
+from rclpy.parameter import Parameter
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
+from std_msgs.msg import String
 
 from tests.harness.ros import Outcomes, Probe, QuickSimulator, profile_text, wait_until
+from weld_force_ros.assessment.limits import worst
 from weld_force_ros.errors import InputError, TrackError
 from weld_force_ros.measurement.profile_file import parse_profile
 from weld_force_ros.messages import (
     SCHEMA_VERSION,
     TOPICS,
+    ForceHistory,
     ForceMap,
     Message,
     Rejection,
@@ -159,6 +163,54 @@ def test_verdict_names_the_worst_passage_and_has_typed_twins(domain_id: int, pro
         assert numbers[f"weld/{criterion.name}/limit"] == criterion.limit
         if criterion.limit:
             assert numbers[f"weld/{criterion.name}/ratio"] == criterion.value / criterion.limit
+
+
+class UnloadingSimulator(QuickSimulator):
+    """The wheel is unloaded most in the slowest passage, at the first position: not where the peak is highest."""
+
+    def force_map(self, profile: WeldProfile) -> ForceMap:
+        force_map = super().force_map(profile)
+        force_map.min_force_n[0] = 5e3
+        return force_map
+
+
+def test_history_is_of_the_passage_that_decided_by_the_limits_that_hold(
+    domain_id: int, probe: Probe, folder: Path, tmp_path: Path
+) -> None:
+    criterion = "- {{name: {}, limit: {}, reject_limit: 1.0e+6, unit: '{}', source: hand, verified: true}}\n"
+    unloading, peak = tmp_path / "unloading.yaml", tmp_path / "peak.yaml"
+    unloading.write_text(criterion.format("peak_force", 1e6, "N") + criterion.format("unloading", 0.1, "1"))
+    peak.write_text(criterion.format("peak_force", 1e3, "N"))
+    outcomes, histories = Outcomes(), probe.collect("force_history", String, qos.CONTRACT)
+    parameters: dict[Kind, dict[str, Any]] = {
+        "profile": {"folder": str(folder), "settle_s": 0.05},
+        "simulator": {"speeds": SPEEDS, "positions": POSITIONS},
+        "assessment": {"limits": str(unloading)},
+    }
+    with Suite(parameters=parameters, load_simulator=UnloadingSimulator, on_verdict=outcomes) as suite:
+        for number, limits in enumerate((unloading, peak)):
+            suite.nodes["assessment"].set_parameters([Parameter("limits", value=str(limits))])
+            simulator = suite.nodes["simulator"].messenger.diagnostics
+            wait_until(lambda count=number + 2: simulator.received["assessment_settings"] >= count)
+            (folder / f"weld-{number}.csv").write_text(profile_text(100 + number))
+            histories.wait(number + 1)
+        verdicts = outcomes.wait(2)
+    for message, verdict, name in zip(histories.messages, verdicts, ("unloading", "peak_force"), strict=True):
+        history = decode(ForceHistory, message.data)
+        decided = worst(verdict.criteria)
+        assert (decided.name, history.profile_id) == (name, verdict.profile_id)
+        assert (history.speed_kmh, history.position_m) == (decided.speed_kmh, decided.position_m)
+    assert [decode(ForceHistory, m.data).speed_kmh for m in histories.messages] == [40.0, 120.0]
+
+
+def test_without_limits_the_history_is_of_the_highest_peak(domain_id: int, probe: Probe) -> None:
+    histories = probe.collect("force_history", String, qos.CONTRACT)
+    with running(Outcomes(), ("simulator",), load=UnloadingSimulator):
+        probe.publish("assessment_settings", '{"schema_version": "7.0"}')  # of a later version: not valid here
+        probe.publish("weld_profile", encode(profile("known")).decode())
+        (message,) = histories.wait(1)
+    history = decode(ForceHistory, message.data)
+    assert (history.speed_kmh, history.position_m) == (120.0, 0.30)
 
 
 def test_late_simulator_gets_every_profile(domain_id: int, folder: Path) -> None:
@@ -322,8 +374,6 @@ def test_each_node_reports_its_state_and_the_bag_has_it_once(
 def test_lists_may_be_given_in_any_form_ros_reads(
     domain_id: int, probe: Probe, parameter: str, value: Any, speeds: list[float], positions: list[float]
 ) -> None:
-    from std_msgs.msg import String
-
     latched = probe.collect("simulation_settings", String, qos.CONTRACT)
     with running(Outcomes(), ("simulator",), **{parameter: value}):
         (text,) = latched.wait(1)

@@ -1,4 +1,4 @@
-"""simulator_node: weld_profile -> force_map and the worst passage's force_history."""
+"""Node simulator_node: weld_profile -> force_map, and the force_history of the passage that decides the verdict."""
 
 import time
 from collections import OrderedDict
@@ -8,6 +8,7 @@ from typing import Any
 from weld_force_ros.assessment.judge import Simulates, deciding_history
 from weld_force_ros.messages import (
     TOPICS,
+    AssessmentSettings,
     ForceHistory,
     ForceMap,
     Rejection,
@@ -29,7 +30,9 @@ _SAME_ASKED_TWICE_S = 4.0
 class SimulatorNode(LifecycleNodeBase):
     """Computes on one worker thread, which also loads track and fit; callbacks only queue, up to a limit.
 
-    What has its outcome is not computed again; what is sent again because an outcome is missing, is.
+    What has its outcome is not computed again; what is sent again because an outcome is missing, is. The force history is
+    that of the passage that decides the verdict by the limits that the assessment node published last; as long as none
+    are known, that of the highest peak.
 
     Args:
         load: makes the simulator, in the worker thread.
@@ -49,6 +52,7 @@ class SimulatorNode(LifecycleNodeBase):
         self._settled: OrderedDict[str, None] = OrderedDict()
         self._computed_s: OrderedDict[str, float] = OrderedDict()
         self._simulator: Simulates
+        self._limits: AssessmentSettings | None = None
         self.messenger = self._resources.enter_context(
             ContractTopics(self, [SimulationSettings, ForceMap, ForceHistory, Rejection], group=self.gate)
         )
@@ -60,6 +64,8 @@ class SimulatorNode(LifecycleNodeBase):
         self.messenger.diagnostics.queue_length = lambda: self._worker.pending
         self.messenger.diagnostics.warning = self._warning
         self.messenger.publish_diagnostics()
+        # In a group of its own: limits are to be known even while profiles have to wait.
+        self.messenger.listen(AssessmentSettings, self._note_limits, self.default_callback_group)
         self.messenger.listen(Settled, self._note_settled)
         self.messenger.listen(WeldProfile, self._worker.put)
 
@@ -98,6 +104,11 @@ class SimulatorNode(LifecycleNodeBase):
         while len(self._settled) > KEPT[Settled]:
             self._settled.popitem(last=False)
 
+    def _note_limits(self, sample: Sample) -> None:
+        incoming = self.messenger.open(AssessmentSettings, sample)
+        if not incoming.repeated:
+            self._limits = self.messenger.read_quietly(AssessmentSettings, incoming) or self._limits
+
     def _handle(self, item: Sample | SimulationSettings) -> None:
         if isinstance(item, SimulationSettings):
             self._simulator, self._settings = self._load(item), item
@@ -131,7 +142,7 @@ class SimulatorNode(LifecycleNodeBase):
 
     def _publish_history(self, profile: WeldProfile, force_map: ForceMap) -> None:
         try:
-            history = deciding_history(profile, self._simulator, force_map)
+            history = deciding_history(profile, self._simulator, force_map, self._limits)
             history.profile_id = force_map.profile_id
             self.messenger.publish(history)
         except Exception as error:  # the map is the outcome; a Rejection would be a second one
