@@ -188,9 +188,9 @@ def test_history_is_of_the_passage_that_decided_by_the_limits_that_hold(
         "assessment": {"limits": str(unloading)},
     }
     with Suite(parameters=parameters, load_simulator=UnloadingSimulator, on_verdict=outcomes) as suite:
+        simulator = suite.nodes["simulator"].messenger.diagnostics
         for number, limits in enumerate((unloading, peak)):
             suite.nodes["assessment"].set_parameters([Parameter("limits", value=str(limits))])
-            simulator = suite.nodes["simulator"].messenger.diagnostics
             wait_until(lambda count=number + 2: simulator.received["assessment_settings"] >= count)
             (folder / f"weld-{number}.csv").write_text(profile_text(100 + number))
             histories.wait(number + 1)

@@ -14,8 +14,8 @@ from rclpy.timer import Timer
 TOPIC = "/diagnostics"
 PERIOD_S = 1.0
 RECOVERY_S = 300.0
-"""A node is at WARN for so long after its last problem. A crew measures a weld every few minutes and looks at the screen
-then: it does not miss a file that was rejected, and the next rejected file changes what it sees."""
+"""A node is at WARN for so long after its last problem. A crew measures a weld every few minutes and looks at the
+screen then: it does not miss a file that was rejected, and the next rejected file changes what it sees."""
 
 _CLOCK_JUMP_S = 2.0
 

@@ -30,9 +30,9 @@ _SAME_ASKED_TWICE_S = 4.0
 class SimulatorNode(LifecycleNodeBase):
     """Computes on one worker thread, which also loads track and fit; callbacks only queue, up to a limit.
 
-    What has its outcome is not computed again; what is sent again because an outcome is missing, is. The force history is
-    that of the passage that decides the verdict by the limits that the assessment node published last; as long as none
-    are known, that of the highest peak.
+    What has its outcome is not computed again; what is sent again because an outcome is missing, is. The force history
+    is that of the passage that decides the verdict by the limits that the assessment node published last; as long as
+    none are known, that of the highest peak.
 
     Args:
         load: makes the simulator, in the worker thread.
