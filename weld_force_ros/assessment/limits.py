@@ -89,9 +89,10 @@ def load_limits(path: Path | None = None) -> AssessmentSettings:
         limits = [_limit(row) for row in stated.limits]
     except (OSError, msgspec.DecodeError, ValueError) as error:
         raise InputError(f"limits {source}: {legible(str(error))}", remedy) from None
-    for limit in limits:
-        if limit.name not in CRITERIA:
-            raise InputError(f"limits {source}: {limit.name!r} names no criterion", f"use {', '.join(CRITERIA)}")
+    try:
+        check(limits)
+    except InputError as error:
+        raise InputError(f"limits {source}: {error.reason}", error.remedy) from None
     settings = AssessmentSettings(
         limits_sha256="0" * 64, limits=limits, rules=stated.rules, gradient_norm=stated.gradient_norm
     )
