@@ -1,7 +1,8 @@
 """The report in Debian's Chromium, on a desk and on a phone: what people do with it, and what must never happen."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -12,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from tests.harness.reports import entries, hostile, weld
+from tests.harness.reports import entries, hostile, unusable, weld
 from weld_force_ros.recording.weld_records import Record
 from weld_force_ros.report import pdf as printing
 from weld_force_ros.report.html_page import page
@@ -332,14 +333,14 @@ def test_all_welds_are_printed(desk, file, tmp_path):
 class Server(BaseHTTPRequestHandler):
     """What a live dashboard answers."""
 
-    def __init__(self, rows: list[dict[str, Any]], details: list[bytes], *args: Any) -> None:
-        self.rows, self.details = rows, details
+    def __init__(self, rows: list[dict[str, Any]], details: Sequence[bytes], newest: int | None, *args: Any) -> None:
+        self.rows, self.details, self.newest = rows, details, newest
         super().__init__(*args)
 
     def do_GET(self) -> None:
         path, _, query = self.path.partition("?after=")
         if path == "/":
-            self.answer(page([], [], title="Rail welds", live=True).encode(), "text/html")
+            self.answer(page([], [], title="Rail welds", live=True, newest=self.newest).encode(), "text/html")
         elif path == "/rows":
             self.answer(json.dumps([r for r in self.rows if r["n"] > int(query)]).encode(), "application/json")
         else:
@@ -356,13 +357,21 @@ class Server(BaseHTTPRequestHandler):
         pass
 
 
+@contextmanager
+def serving(rows: list[dict[str, Any]], details: Sequence[bytes] = (), newest: int | None = None) -> Iterator[str]:
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Server, rows, details, newest))
+    Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        yield f"http://127.0.0.1:{server.server_port}/"
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
 def test_a_live_page_takes_rows_as_they_come_and_details_on_demand(fresh):
     of = entries()
     rows: list[dict[str, Any]] = [row(1, of[0])]
-    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Server, rows, [detail(e) for e in of]))
-    Thread(target=server.serve_forever, daemon=True).start()
-    home = f"http://127.0.0.1:{server.server_port}/"
-    try:
+    with serving(rows, [detail(e) for e in of]) as home:
         fresh.page.goto(home)
         fresh.page.wait_for_selector(".welds tbody tr")
         assert len(shown(fresh.page)) == 1
@@ -374,7 +383,16 @@ def test_a_live_page_takes_rows_as_they_come_and_details_on_demand(fresh):
             "", "rows?after", "weld/2",
         }  # fmt: skip
         assert fresh.complaints == []
-    finally:
-        server.shutdown()
-        server.server_close()
     fresh.page.wait_for_selector("text=connection lost")
+
+
+def test_a_live_page_keeps_as_many_rows_as_its_server(fresh):
+    rows = [row(n, unusable(f"weld-{n}.csv")) for n in range(1, 6)]
+    with serving(rows, newest=3) as home:
+        fresh.page.goto(home)
+        fresh.page.wait_for_selector(".welds tbody tr")
+        assert shown(fresh.page) == ["weld-5.csv", "weld-4.csv", "weld-3.csv"]
+        rows.append(row(6, unusable("weld-6.csv")))
+        fresh.page.wait_for_selector("text=weld-6.csv")
+        assert shown(fresh.page) == ["weld-6.csv", "weld-5.csv", "weld-4.csv"]
+        assert fresh.page.locator(".chip .number").all_text_contents() == ["3", "3"]

@@ -5,7 +5,7 @@ import http.client
 import json
 import socket
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import pytest
@@ -25,7 +25,7 @@ from weld_force_ros.messages import (
     profile_sha256,
 )
 from weld_force_ros.report.live_report import LiveReport
-from weld_force_ros.report.live_server import Server
+from weld_force_ros.report.live_server import Server, _Http
 
 PAGE = "<!doctype html><title>page</title>"
 LIMITS = load_limits()
@@ -245,6 +245,13 @@ def test_too_many_connections_are_turned_away_and_room_comes_again(served):
         break
     else:
         pytest.fail("no room after all have gone")
+
+
+def test_a_burst_of_connections_waits_for_its_turn(tmp_path):
+    server = _Http(LiveReport(tmp_path), PAGE.encode(), 0)  # listens, and takes no connection yet
+    with closing(server.socket), ExitStack() as stack:
+        for _ in range(70):  # where there is no room to wait, a client is kept trying until its time is up
+            stack.enter_context(socket.create_connection(("127.0.0.1", server.server_port), timeout=3))
 
 
 def test_a_used_port_is_one_clear_error(served, tmp_path):

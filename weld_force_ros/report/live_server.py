@@ -72,6 +72,8 @@ class Server:
 class _Http(ThreadingHTTPServer):
     daemon_threads = True
     block_on_close = False
+    # socketserver's own is 5: of more connections at once than that, the others try again after seconds.
+    request_queue_size = 2 * _MOST_CONNECTIONS
 
     def __init__(self, board: LiveReport, page: bytes, port: int) -> None:
         self.board, self.page = board, page

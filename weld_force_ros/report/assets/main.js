@@ -5,7 +5,7 @@ const source = given.live ? liveSource : embeddedSource;
 const front = document.getElementById("front");
 const one = document.getElementById("weld");
 const all = document.getElementById("all");
-const table = new FrontTable(front, given.live);
+const table = new FrontTable(front, given.live, given.newest);
 
 const viewport = document.querySelector("meta[name=viewport]");
 
