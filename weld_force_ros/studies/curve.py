@@ -3,8 +3,10 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
-from weld_force_ros.physics.analysis.peaks import Peak
+from weld_force_ros.errors import InputError
+from weld_force_ros.physics.analysis.peaks import ImpactForces, Peak, p1_p2
 from weld_force_ros.physics.analysis.speed_curve import CurveFeatures
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History
@@ -13,7 +15,7 @@ from weld_force_ros.report.figures import new_figure
 from weld_force_ros.studies.laboratory import BILBAO, WELDS, Measured, Picture, StudyContext, StudyResult, as_columns
 from weld_force_ros.studies.passages import features, first_maximum, hollow_after_maximum, split_peaks, two_highest
 from weld_force_ros.studies.style import COLOURS
-from weld_force_ros.studies.tables import Column, Table
+from weld_force_ros.studies.tables import Cell, Column, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,7 +25,7 @@ HISTORIES_KMH = {"A": 55.0, "B": 80.0, "C": 150.0, "D": 170.0, "E": 200.0}
 _SPEEDS_KMH = (20.0, 300.0, 2.0)
 _SHOWN_M = (-0.3, 0.5)
 _EVERY = 4  # points of the 0.25 mm grid, in the table
-_FORCE, _WELD = COLOURS[0], COLOURS[1]
+_FORCE, _WELD, _IMPACT = COLOURS[0], COLOURS[1], COLOURS[2]
 
 
 def run(lab: StudyContext) -> StudyResult:
@@ -32,12 +34,14 @@ def run(lab: StudyContext) -> StudyResult:
     speeds = lab.speeds(*_SPEEDS_KMH)
     peak_map = lab.peak_map(weld, BILBAO, speeds, [POSITION_M])
     histories = {speed: lab.history(weld, BILBAO, speed, POSITION_M) for speed in HISTORIES_KMH.values()}
+    impacts = {speed: impact_forces(lab, weld, history, speed) for speed, history in histories.items()}
     curve = features(speeds, peak_map.peak_force_n[:, 0])
-    figure = _draw(lab, weld, speeds, peak_map.peak_force_n[:, 0], histories)
+    figure = _draw(lab, weld, speeds, peak_map.peak_force_n[:, 0], histories, impacts)
     picture = Picture(
         "force-against-speed", f"Force against speed: {weld}",
         f"Above: peak force over {weld}, centred {POSITION_M * 100:g} cm after a sleeper, against speed. Below: the "
-        "force along the rail at the points A to E; dots are the peaks that stand out. Last: the weld.", figure,
+        "force along the rail at the points A to E; dots are the peaks that stand out, triangles the forces P1 (up) "
+        "and P2 (down) as of a dipped joint: P2 is that below 120 Hz. Last: the weld.", figure,
     )  # fmt: skip
     tables = {
         "curve": Table(
@@ -50,9 +54,47 @@ def run(lab: StudyContext) -> StudyResult:
             (Column("speed_kmh", "km/h", 0), Column("x_m", "m", 4), Column("force_n", "N", 0)),
             [(speed, *row) for speed, h in histories.items() for row in _rows(h)],
         ),
+        "impact": _impact_table(impacts),
     }
     measured = _measured(lab, curve, speeds, peak_map, histories) if lab.papers else {}
     return StudyResult("curve", "Force against speed", [picture], tables, measured)
+
+
+def impact_forces(lab: StudyContext, weld: str, history: History, speed_kmh: float) -> ImpactForces | None:
+    """Return P1 and P2 of a passage as over a dipped joint, None if the weld is level or no peak follows its kink.
+
+    The wheel arrives where the weld is bent upwards most, which is where a dipped joint has its angle.
+    """
+    profile = lab.weld(weld)
+    bend_per_m = CubicSpline(profile.x_m, profile.z_m)(profile.x_m, 2)
+    if not np.any(bend_per_m > 0):
+        return None
+    arrival_m = POSITION_M + profile.x_m[int(np.argmax(bend_per_m))]
+    speed_m_s = speed_kmh / 3.6
+    try:
+        return p1_p2(history.x_m / speed_m_s, history.force_n, arrival_m / speed_m_s)
+    except InputError:
+        return None
+
+
+def _places_m(impact: ImpactForces, speed_kmh: float) -> tuple[float, float]:
+    """Return where P1 and P2 act, m behind the weld's centre."""
+    return impact.p1_s * speed_kmh / 3.6 - POSITION_M, impact.p2_s * speed_kmh / 3.6 - POSITION_M
+
+
+def _impact_table(impacts: dict[float, ImpactForces | None]) -> Table:
+    columns = (
+        Column("speed_kmh", "km/h", 0), Column("p1_n", "P1, N", 0), Column("p1_x_m", "at m", 3),
+        Column("p2_n", "P2, N", 0), Column("p2_x_m", "at m", 3),
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = []
+    for speed, impact in impacts.items():
+        if impact is None:
+            rows.append((speed, None, None, None, None))
+        else:
+            p1_m, p2_m = _places_m(impact, speed)
+            rows.append((speed, impact.p1_n, p1_m, impact.p2_n, p2_m))
+    return Table("P1 and P2 of the passages, as over a dipped joint; x from the weld's centre", columns, rows)
 
 
 def _rows(history: History) -> list[tuple[float, ...]]:
@@ -62,7 +104,12 @@ def _rows(history: History) -> list[tuple[float, ...]]:
 
 
 def _draw(
-    lab: StudyContext, weld: str, speeds: FloatArray, force_n: FloatArray, histories: dict[float, History]
+    lab: StudyContext,
+    weld: str,
+    speeds: FloatArray,
+    force_n: FloatArray,
+    histories: dict[float, History],
+    impacts: dict[float, ImpactForces | None],
 ) -> "Figure":
     figure = new_figure(7.0, 7.0)
     grid = figure.add_gridspec(3, 3, height_ratios=[1.5, 1, 1])
@@ -78,6 +125,11 @@ def _draw(
     for axes, (letter, speed) in zip(cells, HISTORIES_KMH.items(), strict=False):
         axes.sharey(cells[0])
         _draw_history(axes, histories[speed], lab.track(BILBAO).wheel.static_load_n)
+        impact = impacts[speed]
+        if impact is not None:
+            p1_m, p2_m = _places_m(impact, speed)
+            axes.plot(p1_m * 100, impact.p1_n / 1e3, "^", color=_IMPACT, fillstyle="none", markersize=9)
+            axes.plot(p2_m * 100, impact.p2_n / 1e3, "v", color=_IMPACT, markersize=5)
         axes.set_title(f"{letter}: {speed:g} km/h", fontsize=9)
     for axes in (cells[0], cells[3]):
         axes.set_ylabel("force, kN")
