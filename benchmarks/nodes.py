@@ -179,13 +179,13 @@ def _nodes(welds: int) -> Iterator[_Nodes]:
         ImportError: there is no ROS.
         WeldForceError: a node cannot work, or does not finish.
     """
-    from weld_force_ros.ros.demo import keep_to_itself
-    from weld_force_ros.ros.launcher import Suite
+    from weld_force_ros.ros.environment import use_own_domain
+    from weld_force_ros.ros.launcher import NodeSuite
 
-    keep_to_itself()
+    use_own_domain()
     with tempfile.TemporaryDirectory() as folder:
         nodes = _Nodes(Path(folder), welds)
-        with Suite(
+        with NodeSuite(
             parameters={
                 "profile": {"folder": str(nodes.measurements)},
                 "simulator": {"speeds": SPEEDS},

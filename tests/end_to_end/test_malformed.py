@@ -16,7 +16,7 @@ from tests.soak.mutations import ANYWHERE, JSON, LINES, MEASUREMENTS, RECORDING,
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.messages import TOPICS, RailSurface, WeldProfile, decode, profile_sha256
-from weld_force_ros.ros.sequence_tracker import header_of
+from weld_force_ros.ros.sequence_tracker import read_header
 from weld_force_ros.simulation import track_file
 
 COUNT, SEED = 2_000, 1
@@ -148,7 +148,7 @@ def test_messages_with_any_value_in_any_field_are_refused_or_valid(kind, data):
 @given(st.binary(max_size=200) | st.text(max_size=200).map(lambda text: text.encode("utf-8", "surrogatepass")))
 @settings(max_examples=200, deadline=None)
 def test_any_bytes_are_refused(data):
-    header_of(data.decode("utf-8", "replace"))
+    read_header(data.decode("utf-8", "replace"))
     for read in (
         lambda: decode(WeldProfile, data),
         lambda: profile_file.parse_profile(data, "measured.csv"),

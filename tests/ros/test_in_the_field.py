@@ -20,15 +20,15 @@ from weld_force_ros.messages import ForceMap, Inquiry, Rejection, Settled, Verdi
 from weld_force_ros.recording import open_bag, replay
 from weld_force_ros.ros import contract_topics, qos
 from weld_force_ros.ros.diagnostics import NodeDiagnostics
-from weld_force_ros.ros.launcher import KINDS, Kind, Suite
+from weld_force_ros.ros.launcher import KINDS, Kind, NodeSuite
 
 BAD = "# x_unit: mm\nx,z\n0,nonsense\n"
 
 
 def suite(
     folder: Path, bag: Path | str = "", kinds: tuple[Kind, ...] = KINDS, outcomes: Outcomes | None = None
-) -> Suite:
-    return Suite(
+) -> NodeSuite:
+    return NodeSuite(
         kinds,
         parameters={
             "profile": {"folder": str(folder), "settle_s": 0.05},
@@ -68,9 +68,9 @@ def test_node_that_joins_late_makes_good_what_it_missed(
     early: tuple[Kind, ...] = tuple(kind for kind in KINDS if kind != late)
     with suite(folder, bag, early, outcomes) as running:
         if late == "assessment":
-            wait_until(lambda: running.nodes["simulator"].messenger.sent(ForceMap) == 20)
+            wait_until(lambda: running.nodes["simulator"].topics.sent(ForceMap) == 20)
         elif late == "simulator":
-            wait_until(lambda: running.nodes["profile"].messenger.sent(WeldProfile) == 20)
+            wait_until(lambda: running.nodes["profile"].topics.sent(WeldProfile) == 20)
         with suite(folder, bag, (late,), outcomes):
             outcomes.wait(21)
     assert sorted(v.weld_id for v in outcomes.of(Verdict)) == welds(0, 20)
@@ -128,7 +128,7 @@ def test_map_that_was_recorded_but_not_judged_is_judged_without_being_computed_a
     drop(folder, 0, 1)
     with monkeypatch.context() as killed, suite(folder, bag) as first:
         killed.setattr(AssessmentNode, "_assess", lambda *_: None)  # as if killed in between
-        wait_until(lambda: first.nodes["assessment"].messenger.diagnostics.received["force_history"] == 1)
+        wait_until(lambda: first.nodes["assessment"].topics.diagnostics.received["force_history"] == 1)
     with suite(folder, bag, ("assessment",), outcomes):
         outcomes.wait(1)
     assert judged(bag) == Counter(welds(0, 1))
@@ -137,18 +137,18 @@ def test_map_that_was_recorded_but_not_judged_is_judged_without_being_computed_a
 def test_verdict_that_was_recorded_but_perhaps_not_sent_is_sent_as_it_was(
     domain_id: int, probe: Probe, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from weld_force_ros.ros.nodes.assessment_node import AssessmentNode
+    from weld_force_ros.ros.nodes.published_ledger import PublishedLedger
 
     bag = tmp_path / "bag"
     drop(folder, 0, 1)
     with monkeypatch.context() as killed, suite(folder, bag) as first:
-        killed.setattr(AssessmentNode, "_settle", lambda *_: None)  # as if killed in between
-        wait_until(lambda: first.nodes["assessment"].messenger.sent(Verdict) == 1)
+        killed.setattr(PublishedLedger, "settle", lambda *_: None)  # as if killed in between
+        wait_until(lambda: first.nodes["assessment"].topics.sent(Verdict) == 1)
     (recorded,) = replay.open_recording(bag).verdicts
     verdicts = probe.collect("verdict", String, qos.CONTRACT)
     with suite(folder, bag) as again:
         (message,) = verdicts.wait(1)
-        wait_until(lambda: again.nodes["assessment"].messenger.sent(Settled) >= 1)
+        wait_until(lambda: again.nodes["assessment"].topics.sent(Settled) >= 1)
     assert decode(Verdict, message.data) == recorded
     assert judged(bag) == Counter(welds(0, 1))
 
@@ -203,12 +203,12 @@ def test_listener_that_stands_still_holds_nobody_up(domain_id: int, folder: Path
             assert listener.stdout is not None
             assert listener.stdout.readline() == "heard\n"
             listener.send_signal(signal.SIGSTOP)
-            drop(folder, 1, 2 * qos.KEPT[ForceMap])
-            outcomes.wait(2 * qos.KEPT[ForceMap])
+            drop(folder, 1, 2 * qos.KEPT_DEPTH[ForceMap])
+            outcomes.wait(2 * qos.KEPT_DEPTH[ForceMap])
     finally:
         listener.kill()
         listener.communicate()
-    assert judged(tmp_path / "bag") == Counter(welds(0, 2 * qos.KEPT[ForceMap]))
+    assert judged(tmp_path / "bag") == Counter(welds(0, 2 * qos.KEPT_DEPTH[ForceMap]))
 
 
 def test_clock_set_back_by_an_hour_loses_nothing(
@@ -246,7 +246,7 @@ def test_flood_of_a_foreign_publisher_waits_where_it_is_kept(domain_id: int, pro
         return made[0]
 
     maps = probe.collect("force_map", String, qos.CONTRACT)
-    with Suite(("simulator",), parameters={"simulator": {"speeds": "40"}}, load_simulator=load) as running:
+    with NodeSuite(("simulator",), parameters={"simulator": {"speeds": "40"}}, load_simulator=load) as running:
         longest = 0
         for i in range(300):
             profile = parse_profile(profile_text(100 + i, f"weld-{i:03}"), f"{i}.csv")
@@ -332,12 +332,14 @@ def test_what_a_killed_ledger_did_not_tell_any_more_is_asked_for(
     with suite(folder, bag, ("profile",)) as early:
         with suite(folder, bag, ("simulator", "assessment")) as killed:
             # Recorded, as if the process were killed before the message leaves it.
-            monkeypatch.setattr(killed.nodes["assessment"].messenger._outlets[Settled], "send_again", lambda cdr: None)
+            monkeypatch.setattr(
+                killed.nodes["assessment"].topics._publishers[Settled], "publish_recorded", lambda cdr: None
+            )
             drop(folder, 0, 3)
-            wait_until(lambda: killed.nodes["assessment"].messenger.sent(Settled) >= 3)
-            assert early.nodes["profile"]._dispatch.under_way == 3
+            wait_until(lambda: killed.nodes["assessment"].topics.sent(Settled) >= 3)
+            assert early.nodes["profile"]._flow_control.under_way == 3
         with suite(folder, bag, ("simulator", "assessment")):
-            wait_until(lambda: early.nodes["profile"]._dispatch.under_way == 0)
+            wait_until(lambda: early.nodes["profile"]._flow_control.under_way == 0)
     assert judged(bag) == Counter(welds(0, 3))
 
 
@@ -348,9 +350,9 @@ def test_suite_started_on_a_full_disk_waits_for_room_and_can_be_stopped(
     drop(folder, 0, 2)
     outcomes = Outcomes()
     with suite(folder, small_disk / "bag") as stopped:
-        wait_until(lambda: stopped.nodes["assessment"]._disk_full)
+        wait_until(lambda: stopped.nodes["assessment"].recorder.disk_full)
     with suite(folder, small_disk / "bag", outcomes=outcomes) as running:
-        wait_until(lambda: running.nodes["assessment"]._disk_full)
+        wait_until(lambda: running.nodes["assessment"].recorder.disk_full)
         (small_disk / "ballast").unlink()
         outcomes.wait(2)
     assert judged(small_disk / "bag") == Counter(welds(0, 2))

@@ -16,7 +16,7 @@ pytest.importorskip("lifecycle_msgs.msg")
 from lifecycle_msgs.msg import Transition
 
 from weld_force_ros.ros import launcher
-from weld_force_ros.ros.parameter_file import PARAMETERS, shipped_config
+from weld_force_ros.ros.parameters import PARAMETERS, default_parameter_file
 
 FILE = Path(__file__).parents[2] / "launch" / "weld_force.launch.py"
 NODES = {"assessment_node", "simulator_node", "profile_node"}
@@ -32,7 +32,7 @@ def launch_file(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 
 def context(**given: str) -> doubles.LaunchContext:
-    arguments = {"config": str(shipped_config()), "namespace": "", "folder": "", "bag": "", "autostart": "true"}
+    arguments = {"config": str(default_parameter_file()), "namespace": "", "folder": "", "bag": "", "autostart": "true"}
     return doubles.LaunchContext(arguments | given)
 
 
@@ -58,7 +58,7 @@ def test_arguments_have_defaults_and_say_what_they_are(launch_file: ModuleType):
     assert all(argument.description for argument in arguments)
     defaults = {argument.name: argument.default_value for argument in arguments}
     shipped = doubles.PathJoinSubstitution(
-        [doubles.FindPackageShare("weld_force_ros"), "config", shipped_config().name]
+        [doubles.FindPackageShare("weld_force_ros"), "config", default_parameter_file().name]
     )
     assert defaults.pop("config") == shipped
     assert defaults == {"namespace": "", "folder": "", "bag": "", "autostart": "true"}
@@ -83,7 +83,7 @@ def test_what_is_given_goes_before_the_config_and_nothing_else_does(
 ):
     monkeypatch.chdir(tmp_path)
     for node in nodes(launch_file.bring_up(context())).values():
-        assert node.parameters == [str(shipped_config()), {"autostart": False}]
+        assert node.parameters == [str(default_parameter_file()), {"autostart": False}]
 
     given = nodes(launch_file.bring_up(context(folder="2026", bag="monday")))
 

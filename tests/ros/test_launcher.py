@@ -19,7 +19,7 @@ from tests.harness.ros import DEADLINE_S, Outcomes, Probe, QuickSimulator, profi
 from weld_force_ros.errors import TrackError
 from weld_force_ros.messages import AssessmentSettings, Verdict, decode
 from weld_force_ros.ros import qos
-from weld_force_ros.ros.launcher import Suite, main, run_node, run_until_signal
+from weld_force_ros.ros.launcher import NodeSuite, main, run_node, run_until_signal
 
 
 @contextmanager
@@ -86,16 +86,16 @@ def test_node_that_cannot_work_ends_the_run(domain_id: int) -> None:
         raise TrackError("no fit", "make one")
 
     with pytest.raises(TrackError, match="no fit"):
-        run_until_signal(Suite(("simulator",), load_simulator=load))
+        run_until_signal(NodeSuite(("simulator",), load_simulator=load))
 
 
-def slow_suite(folder: Path, bag: Path, outcomes: Outcomes, made: list[QuickSimulator]) -> Suite:
+def slow_suite(folder: Path, bag: Path, outcomes: Outcomes, made: list[QuickSimulator]) -> NodeSuite:
     def load(settings: Any) -> QuickSimulator:
         made.append(QuickSimulator(settings))
         made[0].go_on.clear()
         return made[0]
 
-    return Suite(
+    return NodeSuite(
         parameters={
             "profile": {"folder": str(folder), "settle_s": 0.05},
             "simulator": {"speeds": "40"},

@@ -15,13 +15,13 @@ from std_msgs.msg import String
 from tests.harness.ros import Outcomes, Probe, QuickSimulator, profile_text, wait_until
 from weld_force_ros.messages import AssessmentSettings, ForceMap, SimulationSettings, Verdict, WeldProfile, decode
 from weld_force_ros.ros import qos
-from weld_force_ros.ros.launcher import ALL_KINDS, KINDS, Kind, Suite
-from weld_force_ros.ros.parameter_file import PARAMETERS
+from weld_force_ros.ros.launcher import ALL_KINDS, KINDS, Kind, NodeSuite
+from weld_force_ros.ros.parameters import PARAMETERS
 
 
 @contextmanager
-def suite(folder: Path, outcomes: Any = None, kinds: tuple[Kind, ...] = KINDS, **common: Any) -> Iterator[Suite]:
-    with Suite(
+def suite(folder: Path, outcomes: Any = None, kinds: tuple[Kind, ...] = KINDS, **common: Any) -> Iterator[NodeSuite]:
+    with NodeSuite(
         kinds,
         parameters={
             "profile": {"folder": str(folder), "settle_s": 0.05, **common},
@@ -79,8 +79,8 @@ def test_inactive_node_leaves_what_comes_for_later(domain_id: int, probe: Probe,
         assert change(probe, f"{kind}_node", Transition.TRANSITION_DEACTIVATE)
         for i in range(5):
             (folder / f"weld-{i}.csv").write_text(profile_text(100 + i))
-        wait_until(lambda: running.nodes["profile"].messenger.sent(WeldProfile) == 5)
-        assert running.nodes[kind].messenger.diagnostics.received["weld_profile"] == 0
+        wait_until(lambda: running.nodes["profile"].topics.sent(WeldProfile) == 5)
+        assert running.nodes[kind].topics.diagnostics.received["weld_profile"] == 0
         assert change(probe, f"{kind}_node", Transition.TRANSITION_ACTIVATE)
         outcomes.wait(5)
     assert sorted(v.weld_id for v in outcomes.messages) == [f"weld-{i}" for i in range(5)]
@@ -98,7 +98,7 @@ def test_failed_configuration_is_answered_and_may_be_tried_again(
 
 
 def test_cleaned_up_assessment_lets_go_of_its_bag(domain_id: int, probe: Probe, folder: Path, tmp_path: Path) -> None:
-    with Suite(("assessment",), parameters={"assessment": {"bag": str(tmp_path / "bag")}}):
+    with NodeSuite(("assessment",), parameters={"assessment": {"bag": str(tmp_path / "bag")}}):
         assert change(probe, "assessment_node", Transition.TRANSITION_DEACTIVATE)
         assert change(probe, "assessment_node", Transition.TRANSITION_CLEANUP)
         assert (tmp_path / "bag" / "metadata.yaml").exists()
@@ -175,7 +175,7 @@ def test_every_parameter_has_a_description_and_numbers_a_range(
     with (
         suite(folder, kinds=(kind,), autostart=False)
         if kind in KINDS
-        else Suite((kind,), parameters={kind: {"autostart": False}})
+        else NodeSuite((kind,), parameters={kind: {"autostart": False}})
     ):
         request = DescribeParameters.Request(names=[row.name for row in rows])
         described = probe.call(DescribeParameters, f"/{kind}_node/describe_parameters", request).descriptors
@@ -183,8 +183,8 @@ def test_every_parameter_has_a_description_and_numbers_a_range(
         assert row.description in descriptor.description
         if isinstance(row.default, float):
             assert (descriptor.floating_point_range[0].from_value, descriptor.floating_point_range[0].to_value) == (
-                row.low,
-                row.high,
+                row.minimum,
+                row.maximum,
             )
 
 

@@ -34,7 +34,7 @@ from weld_force_ros.messages import (
     encode,
 )
 from weld_force_ros.ros import qos
-from weld_force_ros.ros.launcher import KINDS, Kind, Suite
+from weld_force_ros.ros.launcher import KINDS, Kind, NodeSuite
 
 SPEEDS = "40,80,120"
 POSITIONS = "0.15,0.30"
@@ -49,13 +49,15 @@ def running(
     bag: Path | None = None,
     load: Callable[[SimulationSettings], Any] = QuickSimulator,
     **simulator: Any,
-) -> Iterator[Suite]:
+) -> Iterator[NodeSuite]:
     parameters: dict[Kind, dict[str, Any]] = {
         "profile": {"folder": str(folder or ""), "settle_s": 0.05},
         "simulator": {"speeds": SPEEDS, "positions": POSITIONS, **simulator},
         "assessment": {"bag": str(bag or "")},
     }
-    with Suite(kinds, parameters=parameters, load_simulator=load, on_verdict=outcomes, on_rejection=outcomes) as suite:
+    with NodeSuite(
+        kinds, parameters=parameters, load_simulator=load, on_verdict=outcomes, on_rejection=outcomes
+    ) as suite:
         yield suite
 
 
@@ -133,7 +135,7 @@ def test_real_simulation_from_file_to_recorded_verdict(domain_id: int, folder: P
         "simulator": {"speeds": SPEEDS, "positions": POSITIONS},
         "assessment": {"bag": str(bag)},
     }
-    with Suite(parameters=parameters, on_verdict=outcomes, on_rejection=outcomes) as suite:
+    with NodeSuite(parameters=parameters, on_verdict=outcomes, on_rejection=outcomes) as suite:
         (folder / "dip.csv").write_text(profile_text(300))
         (verdict,) = outcomes.wait(1)
         assert suite.drain(10.0) == 0
@@ -187,14 +189,15 @@ def test_history_is_of_the_passage_that_decided_by_the_limits_that_hold(
         "simulator": {"speeds": SPEEDS, "positions": POSITIONS},
         "assessment": {"limits": str(unloading)},
     }
-    with Suite(parameters=parameters, load_simulator=UnloadingSimulator, on_verdict=outcomes) as suite:
-        simulator = suite.nodes["simulator"].messenger.diagnostics
+    with NodeSuite(parameters=parameters, load_simulator=UnloadingSimulator, on_verdict=outcomes) as suite:
+        simulator = suite.nodes["simulator"].topics.diagnostics
         for number, limits in enumerate((unloading, peak)):
             suite.nodes["assessment"].set_parameters([Parameter("limits", value=str(limits))])
             wait_until(lambda count=number + 2: simulator.received["assessment_settings"] >= count)
             (folder / f"weld-{number}.csv").write_text(profile_text(100 + number))
             histories.wait(number + 1)
-        verdicts = outcomes.wait(2)
+            outcomes.wait(number + 1)
+    verdicts = outcomes.messages
     for message, verdict, name in zip(histories.messages, verdicts, ("unloading", "peak_force"), strict=True):
         history = decode(ForceHistory, message.data)
         decided = worst(verdict.criteria)
@@ -218,7 +221,9 @@ def test_late_simulator_gets_every_profile(domain_id: int, folder: Path) -> None
         (folder / f"weld-{i:03}.csv").write_text(profile_text(100 + i))
     outcomes = Outcomes()
     with running(outcomes, ("profile", "assessment"), folder=folder) as early:
-        wait_until(lambda: early.nodes["profile"].messenger.sent(WeldProfile) == qos.WINDOW)  # the others wait as files
+        wait_until(
+            lambda: early.nodes["profile"].topics.sent(WeldProfile) == qos.MAX_OUTSTANDING
+        )  # the others wait as files
         with running(outcomes, ("simulator",)):
             outcomes.wait(300)
     assert sorted(v.weld_id for v in outcomes.messages) == [f"weld-{i:03}" for i in range(300)]
@@ -341,7 +346,7 @@ def test_lost_messages_are_counted(domain_id: int, probe: Probe) -> None:
             message = profile(f"weld-{sequence}")
             message.publisher, message.sequence = "/trolley#1", sequence
             probe.publish("weld_profile", encode(message).decode())
-        wait_until(lambda: suite.nodes["simulator"].messenger.sent(ForceMap) == 4)
+        wait_until(lambda: suite.nodes["simulator"].topics.sent(ForceMap) == 4)
         diagnostics.wait(1, lambda array: gaps(array) == "2")
 
 
@@ -396,7 +401,7 @@ def test_lists_may_be_given_in_any_form_ros_reads(
 def test_unusable_parameter_is_refused_in_one_line(
     domain_id: int, kind: Kind, parameters: dict[str, Any], message: str
 ) -> None:
-    with pytest.raises(InputError) as caught, Suite((kind,), parameters={kind: parameters}):
+    with pytest.raises(InputError) as caught, NodeSuite((kind,), parameters={kind: parameters}):
         pass
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -417,7 +422,7 @@ def test_namespaces_keep_two_rails_apart(domain_id: int, tmp_path: Path) -> None
         (tmp_path / side).mkdir()
         (tmp_path / side / f"{side}.csv").write_text(profile_text())
         suites.append(
-            Suite(
+            NodeSuite(
                 parameters={
                     "profile": {"folder": str(tmp_path / side), "settle_s": 0.05},
                     "simulator": {"speeds": SPEEDS},

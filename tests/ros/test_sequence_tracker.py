@@ -5,7 +5,7 @@ import itertools
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weld_force_ros.ros.sequence_tracker import Header, SequenceTracker, header_of
+from weld_force_ros.ros.sequence_tracker import Header, SequenceTracker, read_header
 
 
 def header(sequence: int, publisher: str = "/a#1") -> Header:
@@ -28,7 +28,7 @@ def test_topics_are_counted_apart() -> None:
         for sequence in range(3):
             gaps.note(topic, header(sequence))
     assert gaps.missed == 0
-    assert (gaps.next_from("a", "/a#1"), gaps.next_from("c", "/a#1")) == (3, 0)
+    assert (gaps.next_expected("a", "/a#1"), gaps.next_expected("c", "/a#1")) == (3, 0)
 
 
 def test_nameless_publisher_may_start_again() -> None:
@@ -40,12 +40,12 @@ def test_nameless_publisher_may_start_again() -> None:
 
 @given(st.text())
 def test_header_of_anything_is_a_header_or_none(text: str) -> None:
-    assert header_of(text) is None or isinstance(header_of(text), Header)
+    assert read_header(text) is None or isinstance(read_header(text), Header)
 
 
 def test_header_is_read_of_a_broken_message() -> None:
-    assert header_of('{"sequence": 7, "publisher": "/p", "x_m": null, "later": {}}') == header(7, "/p")
-    assert header_of('{"sequence": -1}') is None
+    assert read_header('{"sequence": 7, "publisher": "/p", "x_m": null, "later": {}}') == header(7, "/p")
+    assert read_header('{"sequence": -1}') is None
 
 
 def test_message_that_came_before_is_known_again() -> None:
@@ -57,7 +57,7 @@ def test_message_that_came_before_is_known_again() -> None:
 def test_what_came_to_a_process_before_is_a_repeat_and_no_gap() -> None:
     gaps = SequenceTracker()
     for sequence in (0, 1, 7):
-        gaps.join("topic", header(sequence))
+        gaps.resume("topic", header(sequence))
     assert gaps.missed == 0
     assert [gaps.note("topic", header(n)) for n in (6, 7, 8, 10)] == [True, True, False, False]
     assert gaps.missed == 1

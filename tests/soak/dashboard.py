@@ -43,7 +43,7 @@ from weld_force_ros.messages import (
 )
 from weld_force_ros.report.pdf import find_browser
 from weld_force_ros.ros import environment, qos
-from weld_force_ros.ros.demo import keep_to_itself
+from weld_force_ros.ros.environment import use_own_domain
 from weld_force_ros.simulation.settings import (
     DEFAULT_POSITIONS,
     DEFAULT_SPEEDS,
@@ -126,7 +126,7 @@ def run(minutes: float, *, rate_hz: float = 1.0, samples: int = SAMPLES, show: b
         samples: of what is not known, behind the verdict's probabilities: they make maps large.
         show: print the figures as they come.
     """
-    keep_to_itself()
+    use_own_domain()
     environment.prepare()
     result = Result()
     with ExitStack() as stack:
@@ -244,10 +244,12 @@ def _publisher() -> Iterator[Callable[[Message], int]]:
     context = rclpy.Context()
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("soak", context=context)
-    outlets = {kind: node.create_publisher(String, TOPICS[kind].name, qos.writing(TOPICS[kind])) for kind in PUBLISHED}
+    outlets = {
+        kind: node.create_publisher(String, TOPICS[kind].name, qos.publisher_qos(TOPICS[kind])) for kind in PUBLISHED
+    }
     sequence = dict.fromkeys(PUBLISHED, 0)
     deadline_s = time.monotonic() + _START_S
-    while not all(outlet.get_subscription_count() for outlet in outlets.values()):
+    while not all(publisher.get_subscription_count() for publisher in outlets.values()):
         assert time.monotonic() < deadline_s, "the dashboard does not listen"
         time.sleep(0.1)
 

@@ -68,10 +68,10 @@ def run(welds: int, *, show: bool = False, **simulator: str) -> Result:
         result.longest_ms_until_on_disk = float(told["/assessment_node"]["longest ms until on disk"])
         result.sequence_gaps = sum(int(values["sequence gaps"]) for values in told.values())
         result.heard = len({v.weld_id for v in suite.listener.verdicts})
-        result.restarts = sum(child.starts - 1 for child in suite.supervisor.children.values())
+        result.restarts = sum(child.starts - 1 for child in suite.supervisor.processes.values())
         supervisor, bag = suite.supervisor, suite.bag
         for kind in KINDS:
-            supervisor.children[kind].stop(60.0)
+            supervisor.processes[kind].stop(60.0)
         found = recorded(bag)
         result.lost = len(suite.load.usable - found.judged)
         result.doubled = sum(n - 1 for n in found.outcomes.values())
@@ -96,13 +96,13 @@ def _feed(suite: Field, welds: int, result: Result, *, show: bool) -> None:
             result.memory_most_mb = {k: max(v, result.memory_most_mb.get(k, 0.0)) for k, v in now.items()}
             if show:
                 print(f"{done} of {welds}; MB {now}", flush=True)
-        suite.supervisor.look_after()
+        suite.supervisor.restart_dead()
         time.sleep(0.02)
 
 
 def _memory_mb(suite: Field) -> dict[str, float]:
     """Resident memory of each process, shared memory of the middleware included; pages of files are not counted."""
-    return {kind: _own_mb(child.pid) for kind, child in suite.supervisor.children.items() if child.pid}
+    return {kind: _own_mb(child.pid) for kind, child in suite.supervisor.processes.items() if child.pid}
 
 
 def _own_mb(pid: int) -> float:

@@ -21,8 +21,8 @@ from weld_force_ros.measurement import profile_file
 from weld_force_ros.messages import TOPICS, Settled, Verdict, profile_sha256
 from weld_force_ros.recording import stored
 from weld_force_ros.ros import environment, qos
-from weld_force_ros.ros.demo import keep_to_itself
 from weld_force_ros.ros.diagnostics import TOPIC as DIAGNOSTICS_TOPIC
+from weld_force_ros.ros.environment import use_own_domain
 from weld_force_ros.ros.supervisor import Supervisor
 
 BAD_FILE = "# x_unit: mm\nx,z\n0,nonsense\n"
@@ -120,7 +120,7 @@ class Field(NamedTuple):
 @contextmanager
 def field(*, bad_every: int = 0, **simulator: Any) -> Iterator[Field]:
     """The suite as processes over an empty folder, with a listener; on this machine alone."""
-    keep_to_itself()
+    use_own_domain()
     with tempfile.TemporaryDirectory(prefix="weld-force-soak-") as name:
         os.environ.setdefault("ROS_LOG_DIR", name)
         folder = Path(name)
@@ -141,7 +141,7 @@ def wait_until(condition: Callable[[], bool], within_s: float, supervisor: Super
     """Whether a condition is met in time; the nodes are looked after meanwhile."""
     deadline_s = time.monotonic() + within_s
     while not (met := condition()) and time.monotonic() < deadline_s:
-        supervisor.look_after()
+        supervisor.restart_dead()
         time.sleep(0.05)
     return met
 

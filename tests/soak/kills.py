@@ -78,7 +78,7 @@ def run(kills: int, *, welds_per_s: float = 3.0, seed: int = 1, kinds: tuple[Kin
         while alive := [kind for kind in kinds if result.kills[kind] < kills]:
             wait_until(lambda: False, choice.uniform(0.05, 3.0), suite.supervisor)
             victim = choice.choice(alive)
-            child = suite.supervisor.children[victim]
+            child = suite.supervisor.processes[victim]
             if child.pid is None:
                 continue  # being started again
             at_s = time.monotonic()
@@ -89,7 +89,7 @@ def run(kills: int, *, welds_per_s: float = 3.0, seed: int = 1, kinds: tuple[Kin
         loader.join()
         # A listener may miss what a killed node said last: the bag knows.
         wait_until(lambda: len(recorded(suite.bag).outcomes) >= suite.load.dropped, _ALL_WITHIN_S, suite.supervisor)
-        os.kill(suite.supervisor.children["assessment"].pid or 0, signal.SIGKILL)
+        os.kill(suite.supervisor.processes["assessment"].pid or 0, signal.SIGKILL)
         time.sleep(0.2)
         _judge(suite, due, result)
     result.elapsed_s = time.monotonic() - began_s

@@ -62,8 +62,8 @@ from weld_force_ros.messages import (
     encode,
 )
 from weld_force_ros.recording import STRING, contract_messages, open_bag, string_cdr
-from weld_force_ros.ros.parameter_file import default_config, read_config
-from weld_force_ros.ros.sequence_tracker import header_of
+from weld_force_ros.ros.parameters import default_parameter_text, read_parameter_file
+from weld_force_ros.ros.sequence_tracker import read_header
 from weld_force_ros.simulation import simulator, track_file
 from weld_force_ros.simulation.settings import simulation_settings
 
@@ -147,7 +147,7 @@ def check_message(message: Message) -> None:
         raise DefectError(f"no SHA-256: {', '.join(broken)}")
     if not re.fullmatch(r"1\.[0-9]+", message.schema_version):
         raise DefectError(f"schema version {message.schema_version!r}")
-    header = header_of(data.decode())
+    header = read_header(data.decode())
     if header is None or (header.publisher, header.sequence) != (message.publisher, message.sequence):
         raise DefectError("its header reads differently")
 
@@ -284,7 +284,7 @@ def _limit_files() -> list[bytes]:
 
 
 def _node_parameters() -> list[bytes]:
-    return [default_config().encode()]
+    return [default_parameter_text().encode()]
 
 
 def _bag_metadata() -> list[bytes]:
@@ -321,7 +321,7 @@ def _recording(compression: CompressionType, chunked: bool) -> bytes:
 
 def read_message(kind: type[Message], data: bytes) -> Reading:
     """As a node or the replay takes a message."""
-    header_of(data.decode("utf-8", "replace"))
+    read_header(data.decode("utf-8", "replace"))
     try:
         message = decode(kind, data)
     except InputError as error:
@@ -408,7 +408,7 @@ def read_limits(data: bytes) -> Reading:
 
 def read_node_config(data: bytes) -> Reading:
     """As `weld-force up --config` reads it."""
-    return _read_file(data, "config.yaml", read_config)
+    return _read_file(data, "config.yaml", read_parameter_file)
 
 
 def _read_file(data: bytes, name: str, use: Callable[[Path], object]) -> Reading:
@@ -487,14 +487,14 @@ def _live_node() -> tuple[Any, type, list[Rejection]]:
 def read_sample(data: bytes) -> Reading:
     """As a live node takes a DDS sample: a message, or a Rejection is published."""
     from weld_force_ros.ros import qos
-    from weld_force_ros.ros.contract_topics import Sample
+    from weld_force_ros.ros.contract_topics import SerializedMessage
 
     messenger, string, rejections = _live_node()
     rejections.clear()
     kinds = list(TOPICS)
     kind = kinds[zlib.crc32(data) % len(kinds)] if zlib.crc32(data) % 4 == 0 else WeldProfile
-    incoming = messenger.open(kind, Sample("/malformed", string, qos.CONTRACT, data, 0, 0))
-    message = messenger.read(kind, incoming, rejections.append)
+    incoming = messenger.receive(kind, SerializedMessage("/malformed", string, qos.CONTRACT, data, 0, 0))
+    message = messenger.decode_or_reject(kind, incoming, rejections.append)
     parsed = _is_json(incoming.text.encode("utf-8", "replace"))
     if message is not None:
         return Reading(parsed, True, _use(message, data))

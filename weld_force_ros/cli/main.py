@@ -265,7 +265,7 @@ def schema(
 ) -> None:
     """The messages' JSON Schemas: to standard output, or written to a folder; also those of parameter files."""
     from weld_force_ros.messages import SCHEMAS, json_schema
-    from weld_force_ros.ros import parameter_file
+    from weld_force_ros.ros import parameters
 
     for kind in SCHEMAS:
         if write is None and config is None:
@@ -273,8 +273,8 @@ def schema(
         elif write is not None:
             _write(write / f"{kind.__name__}.json", _indented(json_schema(kind)))
     if config is not None:
-        _write(config / "schema.json", _indented(parameter_file.config_schema()))
-        _write(config / "default.yaml", parameter_file.default_config())
+        _write(config / "schema.json", _indented(parameters.parameter_file_schema()))
+        _write(config / "default.yaml", parameters.default_parameter_text())
 
 
 def _indented(content: dict[str, Any]) -> str:

@@ -44,11 +44,11 @@ def demo(
     from weld_force_ros.cli import terminal
     from weld_force_ros.measurement.profile_file import shipped
 
-    demonstrate = ros_module("demo").demonstrate
+    run_demo = ros_module("demo").run_demo
     folder = out or Path("weld-force-demo") / datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
     with terminal.progress() as bar:
         task = bar.add_task("measuring, simulating, judging", total=None if trolley else len(shipped()))
-        result = demonstrate(folder, track=track, on_outcome=lambda _: bar.advance(task), trolley=trolley)
+        result = run_demo(folder, track=track, on_outcome=lambda _: bar.advance(task), trolley=trolley)
     recording = result.recording
     terminal.show_verdicts(recording.verdicts, recording.rejections)
     for settings in recording.limits.values():
@@ -116,7 +116,7 @@ def up(
     ] = None,
 ) -> None:
     """Run the three nodes until SIGINT or SIGTERM; each weld's outcome is shown as it comes."""
-    from weld_force_ros.ros import parameter_file
+    from weld_force_ros.ros.parameters import check_values, read_parameter_file, values_of_node
 
     supervisor, run = ros_module("supervisor"), ros_module("launcher")
     given: dict[str, dict[str, Any]] = {
@@ -146,16 +146,16 @@ def up(
         given["dashboard"] = {"port": dashboard_port}
     elif dashboard_port is not None:
         raise InputError("--dashboard-port says where a dashboard is served", "add --dashboard")
-    stated = parameter_file.read_config(config) if config is not None else {}
+    stated = read_parameter_file(config) if config is not None else {}
     parameters = {
-        kind: parameter_file.effective(stated, f"{kind}_node", namespace)
+        kind: values_of_node(stated, f"{kind}_node", namespace)
         | {name: value for name, value in options.items() if value is not None}
         for kind, options in given.items()
     }
     for kind, values in parameters.items():
-        parameter_file.check(f"{kind}_node", values)
+        check_values(f"{kind}_node", values)
     if not parameters["assessment"].get("bag"):
-        run.say("not recording (no --bag): after a restart, welds of the folder may be judged again")
+        run.print_line("not recording (no --bag): after a restart, welds of the folder may be judged again")
     ros_args = ["--ros-args", "-r", f"__ns:=/{namespace.strip('/')}"] if namespace else []
     start = supervisor.supervise if processes else run.run_suite
     raise typer.Exit(start(parameters, ros_args))

@@ -1,4 +1,4 @@
-"""Contract messages in and out of one node: stamped, numbered, validated, counted."""
+"""Publish and receive the contract messages of one node: stamped, numbered, validated, counted."""
 
 import hashlib
 import secrets
@@ -32,18 +32,18 @@ from weld_force_ros.messages import (
 )
 from weld_force_ros.ros import diagnostics, qos
 from weld_force_ros.ros.diagnostics import NodeDiagnostics
-from weld_force_ros.ros.sequence_tracker import Header, SequenceTracker, header_of
+from weld_force_ros.ros.sequence_tracker import Header, SequenceTracker, read_header
 
 M = TypeVar("M", bound=Message)
 _MAX_NAME = 200
 _NO_TIME = Duration()
-_SLOW_READER_S = 2.0
+_SLOW_SUBSCRIBER_S = 2.0
 _CLOSE_S = 5.0
 _CDR_OVERHEAD_BYTES = 64
 
 
-class Sample(NamedTuple):
-    """A serialised message of any topic, as it is recorded. Times are nanoseconds since the epoch."""
+class SerializedMessage(NamedTuple):
+    """A serialised message of any topic, as it is recorded; times are nanoseconds since the epoch."""
 
     topic: str
     message_type: type
@@ -57,27 +57,27 @@ class Incoming(NamedTuple):
     """A contract message that has arrived, not yet validated.
 
     Attributes:
-        kind: of message.
-        sample: as it arrived.
+        kind: its type.
+        serialized: the message as it arrived.
         text: its JSON.
-        header: None if not even that can be read.
+        header: its publisher and sequence number; None if not even they can be read.
         repeated: whether it had arrived before.
     """
 
     kind: type[Message]
-    sample: Sample
+    serialized: SerializedMessage
     text: str
     header: Header | None
     repeated: bool
 
     @property
     def publisher(self) -> str:
-        """Who sent it, empty if unknown."""
+        """Return who sent it; empty if unknown."""
         return self.header.publisher if self.header is not None else ""
 
     @property
     def description(self) -> str:
-        """What to call the message in a Rejection."""
+        """Return what to call the message in a Rejection."""
         topic = TOPICS[self.kind].name
         if self.header is None or not self.header.publisher:
             return f"{topic} message"
@@ -85,10 +85,15 @@ class Incoming(NamedTuple):
 
 
 class RecordedPublisher:
-    """A ROS publisher that shows each sample to a recorder before it leaves."""
+    """A ROS publisher that hands each message to a recorder before it publishes it."""
 
     def __init__(
-        self, node: Node, message_type: type, topic: str, profile: QoSProfile, record: Callable[[Sample], None]
+        self,
+        node: Node,
+        message_type: type,
+        topic: str,
+        profile: QoSProfile,
+        record: Callable[[SerializedMessage], None],
     ) -> None:
         self._node = node
         self._publisher = node.create_publisher(message_type, topic, profile)
@@ -97,30 +102,30 @@ class RecordedPublisher:
         self._depth = profile.depth if profile.history == HistoryPolicy.KEEP_LAST else 0
         self._unacknowledged = 0
 
-    def send(self, message: Any) -> None:
+    def publish(self, message: Any) -> None:
         """Record, then publish, a ROS message."""
         cdr = serialize_message(message)
         now_ns = time.time_ns()
-        self._record(Sample(*self._describe, cdr, now_ns, now_ns))
-        self.send_again(cdr)
+        self._record(SerializedMessage(*self._describe, cdr, now_ns, now_ns))
+        self.publish_recorded(cdr)
 
-    def send_again(self, cdr: bytes) -> None:
+    def publish_recorded(self, cdr: bytes) -> None:
         """Publish a serialised message that is recorded already."""
         if self._depth and self._unacknowledged >= self._depth - 1:
-            # Otherwise one that a reader has not got yet would be pushed out. A reader that stands still for longer
-            # loses, and sees a gap: it cannot hold up everybody else.
-            self.wait_until_acknowledged(time.monotonic() + _SLOW_READER_S)
+            # Otherwise a message that a subscriber has not got yet would be pushed out. A subscriber that is stuck for
+            # longer loses messages and sees a gap: it cannot hold up everybody else.
+            self.wait_until_acknowledged(time.monotonic() + _SLOW_SUBSCRIBER_S)
             self._unacknowledged = 0
         self._publisher.publish(cdr)
         self._unacknowledged += 1
 
     @property
     def has_subscriber(self) -> bool:
-        """Whether one is matched; the node knows of a subscriber a moment before."""
+        """Return whether a subscriber is matched; the node knows of it a moment before."""
         return bool(self._publisher.get_subscription_count())
 
     def wait_until_acknowledged(self, deadline: float) -> None:
-        """Wait until every subscriber has what was sent, or `deadline` (monotonic seconds)."""
+        """Wait until every subscriber has what was published, or until `deadline` (monotonic seconds)."""
         # rclpy's own waiting holds the interpreter lock.
         pause = threading.Event()
         while not self._publisher.wait_for_all_acked(_NO_TIME) and time.monotonic() < deadline:
@@ -131,19 +136,19 @@ class RecordedPublisher:
         self._node.destroy_publisher(self._publisher)
 
 
-def listen(
+def subscribe_raw(
     node: Node,
     message_type: type,
     topic: str,
     profile: QoSProfile,
-    take: Callable[[Sample], None],
+    take: Callable[[SerializedMessage], None],
     group: CallbackGroup | None = None,
 ) -> Subscription:
-    """Subscribe to a topic of any type; `take` gets each sample on the executor's thread and must be quick."""
+    """Subscribe to a topic of any type; `take` gets each message in the executor's thread and must be quick."""
 
     def callback(cdr: bytes, info: dict[str, int]) -> None:
         take(
-            Sample(
+            SerializedMessage(
                 subscription.topic_name,
                 message_type,
                 profile,
@@ -161,51 +166,57 @@ class ContractTopics:
     """The contract topics of one node.
 
     Args:
-        node: whose topics they are.
-        publishes: the kinds of message the node may publish.
-        record: shown each sample before it is published.
-        group: of the subscriptions; default: the node's own.
+        node: the node.
+        publishes: types of the messages it may publish.
+        record: called with each message before it is published.
+        group: callback group of the subscriptions; default: the node's own.
+
+    Attributes:
+        instance: name of this process's node, by which messages say who published them.
+        diagnostics: counts and problems of the node.
     """
 
     def __init__(
         self,
         node: Node,
         publishes: Iterable[type[Message]],
-        record: Callable[[Sample], None] = lambda _: None,
+        record: Callable[[SerializedMessage], None] = lambda _: None,
         group: CallbackGroup | None = None,
     ) -> None:
         self._node = node
         self._record = record
         self._group = group
         self._lock = threading.Lock()
-        self._outlets: dict[type[Message], RecordedPublisher] = {}
-        self._others: list[RecordedPublisher] = []
+        self._publishers: dict[type[Message], RecordedPublisher] = {}
+        self._other_publishers: list[RecordedPublisher] = []
         self._subscriptions: list[Subscription] = []
         for kind in publishes:
-            self._outlets[kind] = RecordedPublisher(
-                node, String, TOPICS[kind].name, qos.writing(TOPICS[kind]), self._record
+            self._publishers[kind] = RecordedPublisher(
+                node, String, TOPICS[kind].name, qos.publisher_qos(TOPICS[kind]), self._record
             )
-        self._sequence = dict.fromkeys(self._outlets, 0)
+        self._sequence = dict.fromkeys(self._publishers, 0)
         self._gaps = SequenceTracker()
         self.instance = f"{node.get_fully_qualified_name()}#{secrets.token_hex(4)}"
         self.diagnostics = NodeDiagnostics(node.get_fully_qualified_name(), self.instance)
         self.diagnostics.gaps = lambda: self._gaps.missed
 
-    def outlet(
+    def add_publisher(
         self,
         message_type: type,
         topic: str,
         profile: QoSProfile,
-        record: Callable[[Sample], None] | None = None,
+        record: Callable[[SerializedMessage], None] | None = None,
     ) -> RecordedPublisher:
-        """A publisher beside the contract's; `record` goes before the messenger's own."""
-        self._others.append(RecordedPublisher(self._node, message_type, topic, profile, record or self._record))
-        return self._others[-1]
+        """Add a publisher of a topic that is not in the contract; `record` replaces the node's own."""
+        self._other_publishers.append(
+            RecordedPublisher(self._node, message_type, topic, profile, record or self._record)
+        )
+        return self._other_publishers[-1]
 
     def publish_diagnostics(self) -> None:
-        """Publish the node's state once a second; recorded when it arrives, as it must not wait for a disk."""
-        outlet = self.outlet(DiagnosticArray, diagnostics.TOPIC, qos.DIAGNOSTICS, lambda _: None)
-        self.diagnostics.publish_periodically(self._node, outlet.send)
+        """Publish the node's state once a second; it is recorded when it arrives, as it must not wait for a disk."""
+        publisher = self.add_publisher(DiagnosticArray, diagnostics.TOPIC, qos.DIAGNOSTICS, lambda _: None)
+        self.diagnostics.publish_periodically(self._node, publisher.publish)
 
     def __enter__(self) -> Self:
         return self
@@ -218,28 +229,28 @@ class ContractTopics:
         self.diagnostics.stop(self._node)
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
-        for outlet in (*self._outlets.values(), *self._others):
-            outlet.destroy()
+        for publisher in (*self._publishers.values(), *self._other_publishers):
+            publisher.destroy()
 
     def publish(self, message: Message) -> None:
         """Fill in publisher, sequence and stamp, and publish.
 
         Raises:
-            MessageError: against the contract; nothing was published and no number used up.
+            MessageError: the message breaks the contract; nothing was published and no number used up.
         """
         kind = type(message)
         with self._lock:
             now = self._node.get_clock().now().to_msg()
             message.stamp = Stamp(sec=now.sec, nanosec=now.nanosec)
             message.publisher, message.sequence = self.instance, self._sequence[kind]
-            self._outlets[kind].send(String(data=encode(message).decode()))
+            self._publishers[kind].publish(String(data=encode(message).decode()))
             self._sequence[kind] += 1
         self.diagnostics.count_published(TOPICS[kind].name)
 
-    def publish_again(self, kind: type[Message], cdr: bytes) -> None:
-        """Publish a serialised message as it was recorded."""
+    def publish_recorded(self, kind: type[Message], cdr: bytes) -> None:
+        """Publish a serialised message as it was recorded, with its own stamp and number."""
         with self._lock:
-            self._outlets[kind].send_again(cdr)
+            self._publishers[kind].publish_recorded(cdr)
 
     def report_problem(self, problem: object) -> None:
         """Log a problem of the node itself, and keep it for /diagnostics."""
@@ -247,7 +258,7 @@ class ContractTopics:
         self._node.get_logger().error(str(problem))
 
     def reject(self, source: str, error: Exception, raw_text: str = "", **identities: str | UnsetType) -> Rejection:
-        """Publish what `rejection` makes of the same, and return it."""
+        """Publish a Rejection, made by `rejection` of the same arguments, and return it."""
         rejection = self.rejection(source, error, raw_text, **identities)
         self.publish(rejection)
         return rejection
@@ -262,17 +273,21 @@ class ContractTopics:
         profile_sha256: str | UnsetType = UNSET,
         profile_id: str | UnsetType = UNSET,
     ) -> Rejection:
-        """Say that an input could not be used, with the text it came as; logged, and yet to be published.
+        """Make and log, but do not publish, the Rejection of an input that could not be used.
 
         Args:
             source: the file or message it came from.
             error: why.
-            raw_text: cut to what a message may hold.
+            raw_text: the text it came as; cut to what a message may hold.
             source_sha256: identity of the file, if known.
             profile_sha256: identity of the profile, if known.
-            profile_id: identity of the measurement; of a message that holds none, made of its text.
+            profile_id: identity of the measurement; default: one made of source and text.
         """
-        reason, remedy = _reason_and_remedy(error)
+        if isinstance(error, InputError):
+            reason, remedy = error.reason, error.remedy
+        else:
+            reason = str(error) or type(error).__name__
+            remedy = "check the profile; if it is in order, report this as a fault"
         rejection = Rejection(
             source=_printable(source)[:_MAX_NAME] or "unknown",
             reason=_printable(reason).removeprefix(f"{source}: ")[:MAX_TEXT],
@@ -287,52 +302,56 @@ class ContractTopics:
         self._node.get_logger().warning(f"{rejection.source} rejected: {rejection.reason}; {rejection.remedy}")
         return rejection
 
-    def listen(self, kind: type[Message], take: Callable[[Sample], None], group: CallbackGroup | None = None) -> None:
-        """Subscribe to a contract topic, in a group of its own if one is given; open what `take` gets elsewhere."""
-        self.listen_to(String, TOPICS[kind].name, qos.reading(TOPICS[kind]), take, group)
+    def subscribe(
+        self, kind: type[Message], take: Callable[[SerializedMessage], None], group: CallbackGroup | None = None
+    ) -> None:
+        """Subscribe to a contract topic; what `take` gets is to be handed to `receive`, on any one thread."""
+        self.subscribe_other(String, TOPICS[kind].name, qos.subscription_qos(TOPICS[kind]), take, group)
 
-    def listen_to(
+    def subscribe_other(
         self,
         message_type: type,
         topic: str,
         profile: QoSProfile,
-        take: Callable[[Sample], None],
+        take: Callable[[SerializedMessage], None],
         group: CallbackGroup | None = None,
     ) -> None:
-        """Subscribe to a topic beside the contract's."""
-        self._subscriptions.append(listen(self._node, message_type, topic, profile, take, group or self._group))
+        """Subscribe to a topic that is not in the contract."""
+        self._subscriptions.append(subscribe_raw(self._node, message_type, topic, profile, take, group or self._group))
 
-    def open(self, kind: type[Message], sample: Sample) -> Incoming:
-        """Account for a sample of a contract topic, without judging its content."""
-        text = _text(sample)
-        header = header_of(text)
+    def receive(self, kind: type[Message], serialized: SerializedMessage) -> Incoming:
+        """Count a message of a contract topic and read its header, without validating its content."""
+        text = _text(serialized)
+        header = read_header(text)
         repeated = header is not None and self._gaps.note(TOPICS[kind].name, header)
         self.diagnostics.count_received(TOPICS[kind].name)
-        return Incoming(kind, sample, text, header, repeated)
+        return Incoming(kind, serialized, text, header, repeated)
 
-    def join(self, kind: type[Message], text: str) -> None:
-        """Account for a message that was recorded before this node began."""
-        header = header_of(text)
+    def resume(self, kind: type[Message], text: str) -> None:
+        """Account for a message that an earlier process of this node recorded."""
+        header = read_header(text)
         if header is not None and header.publisher:
-            self._gaps.join(TOPICS[kind].name, header)
+            self._gaps.resume(TOPICS[kind].name, header)
 
-    def read(self, kind: type[M], incoming: Incoming, tell: Callable[[Rejection], None] = lambda _: None) -> M | None:
-        """The message if it keeps the contract; otherwise None, and it is rejected, which `tell` is told."""
+    def decode_or_reject(
+        self, kind: type[M], incoming: Incoming, on_reject: Callable[[Rejection], None] = lambda _: None
+    ) -> M | None:
+        """Return the message if it keeps the contract; else publish its Rejection, call `on_reject`, return None."""
         try:
             return decode(kind, incoming.text)
         except MessageError as error:
-            tell(self.reject(incoming.description, error, incoming.text))
+            on_reject(self.reject(incoming.description, error, incoming.text))
             return None
 
-    def read_again(self, kind: type[M], cdr: bytes) -> M | None:
-        """A serialised message that was recorded, if it keeps the contract."""
+    def decode_recorded(self, kind: type[M], cdr: bytes) -> M | None:
+        """Return a serialised message that was recorded; None if it breaks the contract."""
         try:
             return decode(kind, deserialize_message(cdr, String).data)
         except MessageError:
             return None
 
-    def read_quietly(self, kind: type[M], incoming: Incoming) -> M | None:
-        """The message if it keeps the contract; otherwise None, which is only complained of."""
+    def decode_or_report(self, kind: type[M], incoming: Incoming) -> M | None:
+        """Return the message if it keeps the contract; else report a problem, without a Rejection, and return None."""
         try:
             return decode(kind, incoming.text)
         except MessageError as error:
@@ -340,18 +359,18 @@ class ContractTopics:
             return None
 
     def sent(self, kind: type[Message]) -> int:
-        """How many messages of a kind were published."""
+        """Return how many messages of a kind were published."""
         return self._sequence.get(kind, 0)
 
     def taken_from(self, publisher: str, kind: type[Message]) -> int:
-        """How many messages of a kind were opened of those that `publisher` sent."""
-        return self._gaps.next_from(TOPICS[kind].name, publisher)
+        """Return how many messages of a kind were received of those that `publisher` sent."""
+        return self._gaps.next_expected(TOPICS[kind].name, publisher)
 
     def wait_until_acknowledged(self, timeout_s: float) -> None:
-        """Wait until every subscriber has what was published, at most so long."""
+        """Wait until every subscriber has what was published, but at most `timeout_s`."""
         deadline = time.monotonic() + timeout_s
-        for outlet in self._outlets.values():
-            outlet.wait_until_acknowledged(deadline)
+        for publisher in self._publishers.values():
+            publisher.wait_until_acknowledged(deadline)
 
 
 def _identity_of_text(source: str, text: str) -> str:
@@ -359,19 +378,13 @@ def _identity_of_text(source: str, text: str) -> str:
     return measurement_id(_printable(source), content)
 
 
-def _text(sample: Sample) -> str:
-    if len(sample.cdr) > MAX_MESSAGE_BYTES + _CDR_OVERHEAD_BYTES:
-        return f"a message of {len(sample.cdr)} bytes, which was not read"
+def _text(serialized: SerializedMessage) -> str:
+    if len(serialized.cdr) > MAX_MESSAGE_BYTES + _CDR_OVERHEAD_BYTES:
+        return f"a message of {len(serialized.cdr)} bytes, which was not read"
     try:
-        return deserialize_message(sample.cdr, String).data
+        return deserialize_message(serialized.cdr, String).data
     except Exception:  # not CDR: what arrived is kept for the Rejection
-        return sample.cdr.decode("utf-8", "replace")
-
-
-def _reason_and_remedy(error: Exception) -> tuple[str, str]:
-    if isinstance(error, InputError):
-        return error.reason, error.remedy
-    return str(error) or type(error).__name__, "check the profile; if it is in order, report this as a fault"
+        return serialized.cdr.decode("utf-8", "replace")
 
 
 def _printable(text: str) -> str:

@@ -1,6 +1,6 @@
 """Nodes as a running program: one or all in a process, stopped without losing what was taken.
 
-with Suite(parameters={"profile": {"folder": "measurements"}}, on_verdict=print) as suite:
+with NodeSuite(parameters={"profile": {"folder": "measurements"}}, on_verdict=print) as suite:
     ...
     suite.drain(timeout_s=30.0)
 """
@@ -52,7 +52,7 @@ _FLOWS: tuple[tuple[Kind, Kind, tuple[type[Message], ...]], ...] = (
 )
 
 
-class Suite:
+class NodeSuite:
     """Nodes of the suite in one process, on one executor's thread; a context manager.
 
     Args:
@@ -86,7 +86,7 @@ class Suite:
         self._ros_args = list(ros_args)
         self._domain_id = domain_id
         self._load_simulator = load_simulator
-        self._follow: dict[str, Any] = {
+        self._callbacks: dict[str, Any] = {
             "on_force_map": on_force_map,
             "on_verdict": on_verdict,
             "on_rejection": on_rejection,
@@ -123,7 +123,7 @@ class Suite:
     @property
     def failure(self) -> Exception | None:
         """What keeps a node from working at all, if anything does."""
-        failures = (node.messenger.diagnostics.failure for node in self.nodes.values() if node.configured)
+        failures = (node.topics.diagnostics.failure for node in self.nodes.values() if node.configured)
         return self._crash or next(filter(None, failures), None)
 
     @property
@@ -215,7 +215,7 @@ class Suite:
                 return ProfileNode(**options)
             if kind == "simulator":
                 return SimulatorNode(load=self._load_simulator, **options)
-            return AssessmentNode(**self._follow, **options)
+            return AssessmentNode(**self._callbacks, **options)
         except ParameterException as error:
             raise InputError(
                 _one_line(error), "give a value of that type and range; 600 is no double, 600.0 is"
@@ -238,8 +238,8 @@ class Suite:
 
     def _under_way_to(self, taker: Kind) -> int:
         return sum(
-            self.nodes[sender].messenger.sent(message)
-            - self.nodes[taker].messenger.taken_from(self.nodes[sender].messenger.instance, message)
+            self.nodes[sender].topics.sent(message)
+            - self.nodes[taker].topics.taken_from(self.nodes[sender].topics.instance, message)
             for sender, receiver, messages in _FLOWS
             if receiver == taker and sender in self.nodes and self.nodes[sender].configured
             for message in messages
@@ -256,7 +256,9 @@ def run_node(kind: Kind, ros_args: Sequence[str] = (), *, drain_s: float = DRAIN
         InputError: arguments or parameters that cannot be used.
         WeldForceError: the node cannot work.
     """
-    return run_until_signal(Suite((kind,), ros_args=ros_args, on_verdict=show, on_rejection=show), drain_s)
+    return run_until_signal(
+        NodeSuite((kind,), ros_args=ros_args, on_verdict=print_outcome, on_rejection=print_outcome), drain_s
+    )
 
 
 def run_suite(
@@ -269,17 +271,23 @@ def run_suite(
         ros_args: as on a ROS command line, from `--ros-args` on.
         drain_s: how long what was taken may take when stopped.
     """
-    suite = Suite(together(parameters), parameters=parameters, ros_args=ros_args, on_verdict=show, on_rejection=show)
+    suite = NodeSuite(
+        in_flow_order(parameters),
+        parameters=parameters,
+        ros_args=ros_args,
+        on_verdict=print_outcome,
+        on_rejection=print_outcome,
+    )
     return run_until_signal(suite, drain_s)
 
 
-def together(kinds: Iterable[Kind]) -> tuple[Kind, ...]:
+def in_flow_order(kinds: Iterable[Kind]) -> tuple[Kind, ...]:
     """The nodes of the suite, and others beside them, in the order of the flow."""
     wanted = {*KINDS, *kinds}
     return tuple(kind for kind in ALL_KINDS if kind in wanted)
 
 
-def run_until_signal(suite: Suite, drain_s: float = DRAIN_S) -> int:
+def run_until_signal(suite: NodeSuite, drain_s: float = DRAIN_S) -> int:
     """Run a suite until SIGINT or SIGTERM, then drain and close it; a second signal stops at once.
 
     Returns:
@@ -292,27 +300,27 @@ def run_until_signal(suite: Suite, drain_s: float = DRAIN_S) -> int:
         while not stop.wait(0.1) and suite.failure is None:
             pass
         if stop.is_set():
-            say("stopping: finishing what was taken; a second signal stops at once")
+            print_line("stopping: finishing what was taken; a second signal stops at once")
         left = suite.drain(drain_s, abandon)
         open_count, failure = suite.open_count, suite.failure
     if failure is not None:
         raise failure if isinstance(failure, WeldForceError) else WeldForceError(f"{type(failure).__name__}: {failure}")
-    say(f"stopped with {left} messages left unfinished" if left else "stopped, nothing left unfinished")
+    print_line(f"stopped with {left} messages left unfinished" if left else "stopped, nothing left unfinished")
     if open_count:
-        say(f"{open_count} measurements have no outcome yet; they get it when the same bag is continued")
+        print_line(f"{open_count} measurements have no outcome yet; they get it when the same bag is continued")
     return 1 if left or open_count else 0
 
 
-def show(outcome: Verdict | Rejection) -> None:
+def print_outcome(outcome: Verdict | Rejection) -> None:
     """One line for whoever stands beside the trolley."""
     if isinstance(outcome, Verdict):
         speed = f"; {outcome.advice[0]}" if outcome.advice and outcome.decision != "accept" else ""
-        say(f"{outcome.decision.upper():9} {outcome.weld_id}: {outcome.reason}{speed}")
+        print_line(f"{outcome.decision.upper():9} {outcome.weld_id}: {outcome.reason}{speed}")
     else:
-        say(f"UNUSABLE  {outcome.source}: {outcome.reason}; {outcome.remedy}")
+        print_line(f"UNUSABLE  {outcome.source}: {outcome.reason}; {outcome.remedy}")
 
 
-def say(text: str) -> None:
+def print_line(text: str) -> None:
     """A line on standard error, at once."""
     print(" ".join(text.split()) if "\n" in text else text, file=sys.stderr, flush=True)
 
@@ -349,10 +357,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return run_node(known.kind, [argument for argument in ros_args if argument != "--"])
     except InputError as error:
-        say(f"error: {error}")
+        print_line(f"error: {error}")
         return 2
     except WeldForceError as error:
-        say(f"error: {error}")
+        print_line(f"error: {error}")
         return 1
 
 

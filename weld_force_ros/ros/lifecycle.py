@@ -1,38 +1,37 @@
-"""What the nodes have in common: a lifecycle, parameters that are checked, a state that is told once a second."""
+"""Give every node its lifecycle, its checked parameters and its contract topics."""
 
 from abc import abstractmethod
 from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
 from weld_force_ros.errors import InputError, WeldForceError
-from weld_force_ros.ros import parameters
 from weld_force_ros.ros.contract_topics import ContractTopics
-from weld_force_ros.ros.parameter_file import PARAMETERS
+from weld_force_ros.ros.parameters import PARAMETERS, NodeParameter
 from weld_force_ros.ros.worker import BackPressureGroup
 
 CLOSE_S = 5.0
-"""How long the message in hand, and what was published, may take when a node is closed."""
+"""How long a node that is closed waits for the message it handles and for what it has published to arrive."""
 
 
 class LifecycleNodeBase(LifecycleNode):
-    """A lifecycle node of the suite.
+    """A lifecycle node with the parameters of its kind.
 
-    Configured, it has its topics and what it needs; active, it takes what comes in. Inactive, it leaves messages where
-    they are: in the middleware, in the folder. Cleaned up, it has let go of everything, bag included.
+    Configured, it has its topics and resources; active, it takes what comes in. Inactive, it leaves messages where they
+    are: in the middleware, in the folder. Cleaned up, it has released everything, bag included.
 
     Attributes:
         kind: its name and the key of its parameters in `PARAMETERS`.
-        problem: why the last transition failed, or what went wrong in letting go.
-        messenger: its contract topics; only while configured.
+        problem: why the last transition failed; None if it did not.
+        topics: its contract topics; only while configured.
     """
 
     kind: str
-    messenger: ContractTopics
+    topics: ContractTopics
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(self.kind, **node_options)
@@ -41,33 +40,34 @@ class LifecycleNodeBase(LifecycleNode):
         self._configured = False
         self._managed = True
         self._resources = ExitStack()
-        parameters.declare(self, self.kind)
+        for parameter in PARAMETERS[self.kind]:
+            self.declare_parameter(parameter.name, parameter.default, _descriptor(parameter))
         self.add_on_set_parameters_callback(self._check_parameters)
-        self.add_post_set_parameters_callback(self._note_parameters)
+        self.add_post_set_parameters_callback(self._change_parameters)
 
     @property
     def configured(self) -> bool:
-        """Whether the node has its topics."""
+        """Return whether the node has its topics."""
         return self._configured
 
     @property
     @abstractmethod
     def pending(self) -> int:
-        """Messages queued or in hand."""
+        """Return how many messages are queued or being handled."""
 
     @property
     def active(self) -> bool:
-        """Whether the node takes what comes in."""
+        """Return whether the node takes what comes in."""
         return self._active
 
     @property
     def autostarts(self) -> bool:
-        """Whether the node is to be started without a lifecycle manager."""
+        """Return whether the node is to be started without a lifecycle manager."""
         return bool(self.get_parameter("autostart").value)
 
     @property
-    def gate(self) -> BackPressureGroup:
-        """A callback group whose messages wait until the node is active and has room for them."""
+    def intake_group(self) -> BackPressureGroup:
+        """Return a new callback group whose messages wait until the node is active and has room for them."""
         return BackPressureGroup(lambda: self._active and self._has_room)
 
     @property
@@ -76,10 +76,10 @@ class LifecycleNodeBase(LifecycleNode):
 
     @abstractmethod
     def _configure(self, values: dict[str, Any]) -> None:
-        """Make topics and all that is needed; what is to be let go of goes onto `_resources`.
+        """Make topics and resources; what is to be released goes onto `_resources`.
 
         Raises:
-            WeldForceError: it cannot be.
+            WeldForceError: the node cannot work with these parameters.
         """
 
     def _activate(self) -> None:
@@ -88,14 +88,14 @@ class LifecycleNodeBase(LifecycleNode):
         self.wake()
 
     def _deactivate(self) -> None:
-        """Leave what comes in where it is."""
+        """Take nothing more; leave what comes in where it is."""
         self._active = False
 
     def _check_change(self, values: dict[str, Any]) -> None:
         """Raise an InputError if parameters cannot change to these values while the node is configured."""
 
     def _change(self, values: dict[str, Any]) -> None:
-        """Bring a checked change about; on the executor's thread."""
+        """Apply a change that was checked; called on the executor's thread."""
 
     def start(self) -> None:
         """Configure and activate, as a lifecycle manager would.
@@ -110,13 +110,13 @@ class LifecycleNodeBase(LifecycleNode):
         self._managed = True
 
     def stop_intake(self) -> None:
-        """Take nothing new from outside; what upstream nodes still hand on belongs to what was taken."""
+        """Take nothing new from outside; what upstream nodes still publish belongs to what was taken."""
 
     def close(self) -> None:
-        """Stop after the message in hand and let go of everything.
+        """Stop after the message being handled and release everything.
 
         Raises:
-            WeldForceError: something could not be completed, such as a bag on a full disk.
+            WeldForceError: a resource could not be completed, such as a bag on a full disk.
         """
         if self._active:
             self._deactivate()
@@ -125,46 +125,46 @@ class LifecycleNodeBase(LifecycleNode):
             self._resources.close()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """See `LifecycleNodeBase`."""
+        """Make topics and resources."""
         return self._attempt(self._configure_from_parameters)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """See `LifecycleNodeBase`."""
+        """Begin to take what comes in."""
         return self._attempt(self._activate)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """See `LifecycleNodeBase`."""
+        """Take nothing more."""
         return self._attempt(self._deactivate)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """See `LifecycleNodeBase`."""
+        """Release everything."""
         return self._attempt(self.close)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """See `LifecycleNodeBase`."""
+        """Release everything."""
         return self._attempt(self.close)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Back to where the node can be configured anew."""
+        """Release everything, so that the node can be configured anew."""
         return self._attempt(self.close)
 
     def _configure_from_parameters(self) -> None:
         self._configured = True
         try:
-            self._configure(parameters.values(self, self.kind, {}))
+            self._configure(self._values({}))
         except Exception:
             self.close()
             raise
 
     def wake(self) -> None:
-        """Let the executor look again at what the gate held back."""
+        """Let the executor look again at what the intake group held back."""
         if self.executor is not None:
             self.executor.wake()
 
     def _attempt(self, step: Callable[[], None]) -> TransitionCallbackReturn:
         try:
             step()
-        except Exception as error:  # whoever asked for the transition is told; the node lives on
+        except Exception as error:  # the transition is answered with a failure; the node lives on
             self.problem = error
             if self._managed:  # who started the node otherwise raises it
                 self.get_logger().error(" ".join(str(error).split()))
@@ -184,16 +184,35 @@ class LifecycleNodeBase(LifecycleNode):
                 "deactivate and clean up the node first",
             )
         try:
-            self._check_change(parameters.values(self, self.kind, changes))
+            self._check_change(self._values(changes))
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def _note_parameters(self, given: list[Parameter]) -> None:
+    def _change_parameters(self, given: list[Parameter]) -> None:
         changes = self._own(given)
         if self._configured and changes:
-            self._change(parameters.values(self, self.kind, changes))
+            self._change(self._values(changes))
+
+    def _values(self, changes: dict[str, Any]) -> dict[str, Any]:
+        """Return the node's parameters by name, with `changes` in place of what they are now."""
+        return {p.name: self.get_parameter(p.name).value for p in PARAMETERS[self.kind]} | changes
 
     def _own(self, given: list[Parameter]) -> dict[str, Any]:
         own = {parameter.name for parameter in PARAMETERS[self.kind]}
         return {parameter.name: parameter.value for parameter in given if parameter.name in own}
+
+
+def _descriptor(parameter: NodeParameter) -> ParameterDescriptor:
+    when = "" if parameter.live else " (fixed while the node is configured)"
+    descriptor = ParameterDescriptor(description=f"{parameter.description}{when}", dynamic_typing=parameter.is_list)
+    if parameter.minimum is not None and parameter.maximum is not None:
+        if isinstance(parameter.default, int):
+            descriptor.integer_range = [
+                IntegerRange(from_value=int(parameter.minimum), to_value=int(parameter.maximum))
+            ]
+        else:
+            descriptor.floating_point_range = [
+                FloatingPointRange(from_value=parameter.minimum, to_value=parameter.maximum)
+            ]
+    return descriptor

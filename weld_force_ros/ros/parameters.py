@@ -1,35 +1,263 @@
-"""Node parameters of `node_parameters` in ROS: declared with descriptors and ranges, and read."""
+"""Define the parameters of the nodes, and read and check ROS parameter files that hold them (`data/config`)."""
 
+import re
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
-from rclpy.node import Node
+import msgspec
 
-from weld_force_ros.ros.parameter_file import PARAMETERS, NodeParameter
+from weld_force_ros import _yaml
+from weld_force_ros.errors import InputError
+from weld_force_ros.messages import SimulationSettings, legible
+from weld_force_ros.simulation.settings import load_uncertainty, parse_positions, parse_speeds, simulation_settings
+
+Value = str | float | int | bool
 
 
-def declare(node: Node, kind: str) -> None:
-    """Declare what a kind of node has (a key of `PARAMETERS`); a value given at the start is in place then.
+@dataclass(frozen=True)
+class NodeParameter:
+    """One parameter of a node.
+
+    Attributes:
+        name: its name in ROS.
+        default: its value unless one is given; has the parameter's type.
+        description: its meaning and unit.
+        minimum: least number.
+        maximum: largest number.
+        live: whether it may change while the node is configured; otherwise only before.
+        is_list: whether it is a list in text form, which ROS may read as text, number or list: `20:300:5`, `[40, 80]`.
+    """
+
+    name: str
+    default: Value
+    description: str
+    minimum: float | None = None
+    maximum: float | None = None
+    live: bool = False
+    is_list: bool = False
+
+
+_UNIT = "of files that do not state it: m, cm, mm or um; empty: not stated"
+_OWN = "0: the track's own"
+_AUTOSTART = NodeParameter("autostart", True, "configure and activate at once, without a lifecycle manager")
+
+PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
+    "profile_node": (
+        _AUTOSTART,
+        NodeParameter("folder", "", "folder of measurement files (*.csv, *.txt), watched; captures are written to it"),
+        NodeParameter("settle_s", 0.2, "s that a file must stay unchanged before it is read", 0.0, 600.0),
+        NodeParameter("x_unit", "", f"unit of the positions {_UNIT}"),
+        NodeParameter("z_unit", "", f"unit of the heights {_UNIT}"),
+        NodeParameter("z_positive", "", "up or down: what a positive height means in files that do not state it"),
+        NodeParameter("spacing", 0.0, "distance of samples in x_unit, for files of heights only", 0.0, 1e6),
+        NodeParameter("rail", "", "name of the rail that a live trolley measures, such as left"),
+        NodeParameter("detect_welds", False, "look for welds in the live rail surface, beside those that are marked"),
+        NodeParameter(
+            "marker_offset_m",
+            0.0,
+            "m that a mark without chainage lies beyond the newest sample, towards higher chainages",
+            -50.0,
+            50.0,
+        ),
+        NodeParameter("mark_timeout_s", 600.0, "s after which a mark without its rail is given up", 1.0, 86_400.0),
+    ),
+    "simulator_node": (
+        _AUTOSTART,
+        NodeParameter("track", "bilbao", "a shipped track, or the path of a track file (YAML)"),
+        NodeParameter("engine", "common-poles", "common-poles, rfp or reference"),
+        NodeParameter("speeds", "20:300:5", "speeds in km/h: first:last:step, or a list", live=True, is_list=True),
+        NodeParameter(
+            "positions", "15", "equal steps over one span, or a list of m after the sleeper", live=True, is_list=True
+        ),
+        NodeParameter("wheel_mass_kg", 0.0, f"unsprung mass per wheel, kg; {_OWN}", 0.0, 1e4),
+        NodeParameter("static_load_n", 0.0, f"static wheel load, N; {_OWN}", 0.0, 1e6),
+        NodeParameter("wheel_radius_m", 0.0, f"wheel radius, m; {_OWN}", 0.0, 2.0),
+        NodeParameter("hertz_n_per_m15", 0.0, f"contact stiffness, N/m^1.5; {_OWN}", 0.0, 1e13),
+        NodeParameter(
+            "uncertainty_samples",
+            0,
+            "samples of what is not known, for verdicts with probabilities; 0: none",
+            0,
+            10_000,
+        ),
+        NodeParameter("uncertainty", "", "file of what is not known (YAML); empty: the shipped one"),
+    ),
+    "assessment_node": (
+        _AUTOSTART,
+        NodeParameter("limits", "", "file of limits (YAML); empty: the shipped ones", live=True),
+        NodeParameter("bag", "", "folder to record to; a recording there is continued; empty: no recording"),
+        NodeParameter("split_mb", 256.0, "MB after which a new file of the bag is begun", 1.0, 1e6),
+        NodeParameter("split_minutes", 60.0, "minutes after which a new file of the bag is begun", 0.1, 1e5),
+    ),
+    "dashboard_node": (
+        _AUTOSTART,
+        NodeParameter("port", 8765, "port on 127.0.0.1 that the page is served on; 0: any that is free", 0, 65_535),
+    ),
+    "trolley_node": (
+        _AUTOSTART,
+        NodeParameter("seed", 1, "of the simulated rail and of what goes wrong on it", 0, 2**31 - 1),
+        NodeParameter("length_m", 200.0, "m of rail that is measured", 5.0, 1e5),
+        NodeParameter("speed_m_per_s", 1.2, "m/s at which the trolley is pushed", 0.05, 20.0),
+        NodeParameter("rate", 1.0, "how much faster than real", 0.1, 1000.0),
+        NodeParameter("marks", "marker", "how welds are marked: marker (topic), service (capture_weld) or none"),
+        NodeParameter("form", "json", "how samples are sent: json (rail_surface) or points (rail_surface_points)"),
+    ),
+}
+
+
+def default_parameter_file() -> Path:
+    """Return the parameter file that comes with the package: every parameter at its default."""
+    return Path(str(resources.files("weld_force_ros.data") / "config" / "default.yaml"))
+
+
+def read_parameter_file(path: Path) -> dict[str, dict[str, dict[str, Any]]]:
+    """Read and check a ROS parameter file for these nodes.
+
+    Args:
+        path: YAML of the form `/**/simulator_node: {ros__parameters: {track: bilbao}}`.
+
+    Returns:
+        Parameters by node pattern, as in the file: `{"/**/simulator_node": {"ros__parameters": {...}}}`.
 
     Raises:
-        ParameterException: a value of another type or out of its range.
+        InputError: not readable, not of that form, an unknown node or parameter, a wrong type or a value out of range.
     """
-    for parameter in PARAMETERS[kind]:
-        node.declare_parameter(parameter.name, parameter.default, _descriptor(parameter))
+    try:
+        config = _yaml.decode(_yaml.read(path), dict[str, dict[str, dict[str, Any]]])
+        for pattern, content in config.items():
+            _check_node(pattern, content)
+    except OSError as error:
+        raise InputError(f"config {path}: {error.strerror or error}", "name a file that can be read") from None
+    except (msgspec.DecodeError, ValueError) as error:
+        raise InputError(f"config {path}: {legible(str(error))}", "write it after data/config/default.yaml") from None
+    return config
 
 
-def values(node: Node, kind: str, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """A node's parameters by name, with `changes` in place of what they are now."""
-    return {p.name: node.get_parameter(p.name).value for p in PARAMETERS[kind]} | dict(changes)
+def values_of_node(config: Mapping[str, Mapping[str, Mapping[str, Any]]], node: str, namespace: str) -> dict[str, Any]:
+    """Return what a parameter file says for one node; later lines override earlier ones.
+
+    Args:
+        config: the file, from `read_parameter_file`.
+        node: a key of `PARAMETERS`.
+        namespace: of the node, such as `/left`; empty or `/`: none.
+    """
+    full_name = f"/{namespace.strip('/')}/{node}".replace("//", "/")
+    found: dict[str, Any] = {}
+    for pattern, content in config.items():
+        if _matches(pattern, full_name):
+            found |= content["ros__parameters"]
+    return found
 
 
-def _descriptor(parameter: NodeParameter) -> ParameterDescriptor:
-    when = "" if parameter.live else " (fixed while the node is configured)"
-    descriptor = ParameterDescriptor(description=f"{parameter.description}{when}", dynamic_typing=parameter.listed)
-    if parameter.low is not None and parameter.high is not None:
-        if isinstance(parameter.default, int):
-            descriptor.integer_range = [IntegerRange(from_value=int(parameter.low), to_value=int(parameter.high))]
-        else:
-            descriptor.floating_point_range = [FloatingPointRange(from_value=parameter.low, to_value=parameter.high)]
-    return descriptor
+def check_values(node: str, values: Mapping[str, Any]) -> None:
+    """Check that a node can start with these values, before it is started.
+
+    Raises:
+        InputError: an unknown parameter, a wrong type, a value out of range, or settings that cannot be simulated.
+    """
+    try:
+        msgspec.convert(values, _structure(node))
+    except msgspec.ValidationError as error:
+        raise InputError(f"{node}: {error}", "see data/config/default.yaml for what it takes") from None
+    if node == "simulator_node":
+        settings_from_parameters(values)
+
+
+def settings_from_parameters(values: Mapping[str, Any]) -> SimulationSettings:
+    """Return simulation settings from parameters of the simulator node; what is not given is at its default.
+
+    Raises:
+        InputError: values that cannot be simulated.
+    """
+    given = {parameter.name: parameter.default for parameter in PARAMETERS["simulator_node"]} | dict(values)
+    wheel = ("wheel_mass_kg", "static_load_n", "wheel_radius_m", "hertz_n_per_m15")
+    return simulation_settings(
+        track=given["track"],
+        engine=given["engine"],
+        speeds_kmh=parse_speeds(_list_text(given["speeds"])),
+        positions=parse_positions(_list_text(given["positions"])),
+        uncertainty=load_uncertainty(
+            given["uncertainty_samples"], Path(given["uncertainty"]).expanduser() if given["uncertainty"] else None
+        ),
+        **{name: given[name] or None for name in wheel},
+    )
+
+
+def _list_text(value: Any) -> str:
+    """Return a list parameter as text, which ROS and YAML may have turned into a number or an array."""
+    return ",".join(map(str, value)) if isinstance(value, list) or hasattr(value, "typecode") else str(value)
+
+
+def _matches(pattern: str, full_name: str) -> bool:
+    tokens = [token for token in pattern.split("/") if token]
+    expression = "".join({"**": "(/[^/]+)*", "*": "/[^/]+"}.get(token, f"/{re.escape(token)}") for token in tokens)
+    return re.fullmatch(expression, full_name) is not None
+
+
+def _check_node(pattern: str, content: Mapping[str, Mapping[str, Any]]) -> None:
+    node = pattern.rpartition("/")[2]
+    if node not in PARAMETERS:
+        raise ValueError(f"{pattern!r} names none of {', '.join(PARAMETERS)}")
+    if set(content) != {"ros__parameters"}:
+        raise ValueError(f"{pattern}: holds {', '.join(content) or 'nothing'} instead of ros__parameters")
+    try:
+        msgspec.convert(content["ros__parameters"], _structure(node))
+    except msgspec.ValidationError as error:
+        raise ValueError(f"{pattern}: {error}") from None
+
+
+def parameter_file_schema() -> dict[str, Any]:
+    """Return the JSON Schema (2020-12) of a parameter file."""
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": "weld_force_ros/config.json",
+        "type": "object",
+        "additionalProperties": False,
+        "patternProperties": {
+            f"^(/[A-Za-z0-9_*]+)*/?{node}$": {
+                "type": "object",
+                "additionalProperties": False,
+                "required": ["ros__parameters"],
+                "properties": {
+                    "ros__parameters": msgspec.json.schema_components([_structure(node)], ref_template="{name}")[1][
+                        node
+                    ]
+                },
+            }
+            for node in PARAMETERS
+        },
+    }
+
+
+def default_parameter_text() -> str:
+    """Return the text of `data/config/default.yaml`: every parameter with its description, at its default."""
+    lines = [
+        "# Parameters of the nodes (ROS 2 parameter file), all at their defaults: copy it, and keep what you change.",
+        "# Use: weld-force up --config FILE, or any ROS node with --ros-args --params-file FILE.",
+        "# /**/ is every namespace; /left/simulator_node is the one of the left rail.",
+    ]
+    for node, parameters in PARAMETERS.items():
+        lines += [f"/**/{node}:", "  ros__parameters:"]
+        for parameter in parameters:
+            bounds = f" ({parameter.minimum:g} to {parameter.maximum:g})" if parameter.minimum is not None else ""
+            lines.append(f"    # {parameter.description}{bounds}{'; may change live' if parameter.live else ''}")
+            lines.append(f"    {parameter.name}: {msgspec.json.encode(parameter.default).decode()}")
+    return "\n".join(lines) + "\n"
+
+
+def _structure(node: str) -> type[msgspec.Struct]:
+    fields = [(parameter.name, _type(parameter), parameter.default) for parameter in PARAMETERS[node]]
+    fields.append(("use_sim_time", bool, False))
+    return msgspec.defstruct(node, fields, kw_only=True, forbid_unknown_fields=True)
+
+
+def _type(parameter: NodeParameter) -> Any:
+    if parameter.is_list:
+        return Annotated[str | int | float | list[float], msgspec.Meta(description=parameter.description)]
+    if parameter.minimum is None:
+        return Annotated[type(parameter.default), msgspec.Meta(description=parameter.description)]
+    bounds = msgspec.Meta(description=parameter.description, ge=parameter.minimum, le=parameter.maximum)
+    return Annotated[type(parameter.default), bounds]

@@ -232,7 +232,7 @@ def play(
     """Play a recording onto the ROS graph of this machine, or of the discovery range the user chose.
 
     Every reliable subscriber gets every message: before one that it lacks is pushed out of a publisher's history, it is
-    waited for, up to the bound of `messenger.RecordedPublisher`.
+    waited for, up to the bound of `topics.RecordedPublisher`.
 
     Args:
         path: a bag folder or an .mcap file; a cut one is played up to the cut.
@@ -335,7 +335,7 @@ class RosSink:
         """Publish the bytes as stored."""
         part = self._parts.get((message.topic, message.definition))
         if part is not None:
-            part.send_again(message.data)
+            part.publish_recorded(message.data)
             self.sent += 1
 
     def await_subscribers(self, discovery_s: float, stop: threading.Event) -> None:

@@ -1,4 +1,7 @@
-"""Rail-surface samples as a `sensor_msgs/PointCloud2`: x is the chainage, z the height, both in m, z up (REP-103)."""
+"""Convert rail-surface samples from and to `sensor_msgs/PointCloud2`.
+
+x is the chainage, z the height, both in m, z up (REP-103).
+"""
 
 import sys
 
@@ -17,7 +20,7 @@ _REMEDY = "publish fields x (chainage, m) and z (height, m, up) as float64, with
 
 
 def samples_of(cloud: PointCloud2) -> tuple[FloatArray, FloatArray]:
-    """Chainages and heights of a cloud in the order of its points, each (n,); further fields are left out.
+    """Return chainages and heights of a cloud in the order of its points, each (n,) in m; other fields are left out.
 
     Raises:
         MessageError: no such fields, more than `MAX_SAMPLES` points, or sizes that do not fit each other.
@@ -27,7 +30,8 @@ def samples_of(cloud: PointCloud2) -> tuple[FloatArray, FloatArray]:
         raise MessageError(f"{TOPIC}: {count} points", f"send at most {MAX_SAMPLES} in one message")
     if count == 0:
         return np.empty(0), np.empty(0)
-    if len(cloud.data) < _last_byte(cloud) or (cloud.height > 1 and cloud.row_step < cloud.width * cloud.point_step):
+    needed_bytes = (cloud.height - 1) * cloud.row_step + cloud.width * cloud.point_step
+    if len(cloud.data) < needed_bytes or (cloud.height > 1 and cloud.row_step < cloud.width * cloud.point_step):
         raise MessageError(
             f"{TOPIC}: {len(cloud.data)} bytes for {cloud.height} rows of {cloud.row_step} bytes with {cloud.width} "
             f"points of {cloud.point_step} bytes",
@@ -49,14 +53,14 @@ def samples_of(cloud: PointCloud2) -> tuple[FloatArray, FloatArray]:
 
 
 def coarseness_m(cloud: PointCloud2, chainage_m: FloatArray) -> float:
-    """How far apart the chainages are that the cloud's form can tell apart here."""
+    """Return the smallest difference of chainages, in m, that the number format of the cloud's x can express here."""
     if not np.isfinite(chainage_m).any() or _column(cloud, "x").datatype != PointField.FLOAT32:
         return 0.0
     return float(np.spacing(np.float32(np.nanmax(np.abs(chainage_m)))))
 
 
 def cloud_of(chainage_m: FloatArray, height_m: FloatArray) -> PointCloud2:
-    """A cloud of one row; y is 0."""
+    """Return a cloud of one row; y is 0."""
     points = np.zeros(len(chainage_m), _OWN_POINT)
     points["x"], points["z"] = chainage_m, height_m
     fields = [
@@ -69,10 +73,6 @@ def cloud_of(chainage_m: FloatArray, height_m: FloatArray) -> PointCloud2:
     cloud.is_bigendian = sys.byteorder == "big"
     cloud.data.frombytes(points.tobytes())
     return cloud
-
-
-def _last_byte(cloud: PointCloud2) -> int:
-    return (cloud.height - 1) * cloud.row_step + cloud.width * cloud.point_step
 
 
 def _column(cloud: PointCloud2, name: str) -> PointField:

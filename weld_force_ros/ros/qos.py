@@ -1,8 +1,8 @@
-"""Quality of service of every topic of the suite.
+"""Define the quality of service of every topic of the suite.
 
 Contract topics lose nothing: reliable, and read with everything kept. What is written is kept for those who join later
 up to a depth by topic: Fast DDS would keep 5000 messages of any size, a gigabyte of force histories. Before a message
-is pushed out of that depth, every live reader must have it (`messenger.Outlet`).
+is pushed out of that depth, every live subscriber must have it (`contract_topics.RecordedPublisher`).
 """
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -20,20 +20,20 @@ from weld_force_ros.messages import (
     WeldProfile,
 )
 
-WINDOW = 64
-"""How many measurements of one profile node may be without an outcome: the others wait in the folder."""
+MAX_OUTSTANDING = 64
+"""How many measurements of one profile node may be without an outcome at once: the others wait in the folder."""
 
-KEPT: dict[type[Message], int] = {
-    WeldProfile: 2 * WINDOW,
+KEPT_DEPTH: dict[type[Message], int] = {
+    WeldProfile: 2 * MAX_OUTSTANDING,
     ForceMap: 128,
     ForceHistory: 16,
     Verdict: 200,
-    Rejection: 2 * WINDOW,
-    Settled: 3 * WINDOW,
+    Rejection: 2 * MAX_OUTSTANDING,
+    Settled: 3 * MAX_OUTSTANDING,
     SimulationSettings: 10,
     AssessmentSettings: 10,
 }
-"""Messages of a latched topic that a publisher keeps for those who join later."""
+"""How many messages of a latched topic a publisher keeps for those who join later."""
 
 _LATCHED, _LIVE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
 
@@ -47,14 +47,14 @@ CONTRACT = _reliable(_LATCHED)
 PLOT = _reliable(_LATCHED, 100)
 DIAGNOSTICS = _reliable(_LIVE, 10)
 STREAM = _reliable(_LIVE)
-SENT_AGAIN = _reliable(_LATCHED, 16)
+RESENT = _reliable(_LATCHED, 16)
 
 
-def reading(topic: Topic) -> QoSProfile:
-    """Of a subscription to a contract topic."""
+def subscription_qos(topic: Topic) -> QoSProfile:
+    """Return the quality of service of a subscription to a contract topic."""
     return CONTRACT if topic.latched else STREAM
 
 
-def writing(topic: Topic) -> QoSProfile:
-    """Of a publisher of a contract topic."""
-    return _reliable(_LATCHED, KEPT[topic.type]) if topic.latched else STREAM
+def publisher_qos(topic: Topic) -> QoSProfile:
+    """Return the quality of service of a publisher of a contract topic."""
+    return _reliable(_LATCHED, KEPT_DEPTH[topic.type]) if topic.latched else STREAM

@@ -1,4 +1,4 @@
-"""Who sent what: gaps in sequence numbers, and messages that came before."""
+"""Track sequence numbers of publishers: count gaps and recognise messages that came before."""
 
 from typing import Annotated
 
@@ -7,18 +7,18 @@ import msgspec
 from weld_force_ros.messages import MAX_MESSAGE_BYTES, Number
 
 MOST_PUBLISHERS = 1000
-"""Of all topics together, that are told apart: names come from outside, and every restart brings new ones."""
+"""How many publishers of all topics are tracked: names come from outside, and every restart brings new ones."""
 
 
 class Header(msgspec.Struct):
-    """What is read of a message that may be broken otherwise."""
+    """The fields that are read of a message even if the rest of it is broken."""
 
     publisher: Annotated[str, msgspec.Meta(max_length=300)] = ""
     sequence: Number = 0
 
 
-def header_of(data: str) -> Header | None:
-    """The header of a message; None if not even that can be read."""
+def read_header(data: str) -> Header | None:
+    """Return the header of a message; None if not even that can be read."""
     try:
         return msgspec.json.decode(data, type=Header) if len(data) <= MAX_MESSAGE_BYTES else None
     except (msgspec.DecodeError, UnicodeError, RecursionError):
@@ -26,7 +26,7 @@ def header_of(data: str) -> Header | None:
 
 
 class SequenceTracker:
-    """Counts the messages that were missed, by topic and publisher, since its first that arrived.
+    """Counts the messages that were missed since the first one of each topic and publisher arrived.
 
     What was sent before is no loss: who joins late gets as much of it as the publisher keeps.
     """
@@ -36,7 +36,7 @@ class SequenceTracker:
         self.missed = 0
 
     def note(self, topic: str, header: Header) -> bool:
-        """Account for a message that arrived; whether it had come before, as latched ones do to who starts again."""
+        """Account for a message and return whether it had come before, as latched ones do after a restart."""
         expected = self._next.get((topic, header.publisher), header.sequence)
         self.missed += max(0, header.sequence - expected)
         # A publisher without a name that counts from 0 again was restarted.
@@ -44,13 +44,13 @@ class SequenceTracker:
         self._expect(topic, header.publisher, 1 if restarted else max(expected, header.sequence + 1))
         return bool(header.publisher) and header.sequence < expected
 
-    def join(self, topic: str, header: Header) -> None:
-        """Account for a message that came to a process before this one."""
-        expected = self.next_from(topic, header.publisher)
+    def resume(self, topic: str, header: Header) -> None:
+        """Account for a message that an earlier process of this node received."""
+        expected = self.next_expected(topic, header.publisher)
         self._expect(topic, header.publisher, max(expected, header.sequence + 1))
 
-    def next_from(self, topic: str, publisher: str) -> int:
-        """The sequence number that is expected next."""
+    def next_expected(self, topic: str, publisher: str) -> int:
+        """Return the sequence number that is expected next."""
         return self._next.get((topic, publisher), 0)
 
     def _expect(self, topic: str, publisher: str, sequence: int) -> None:

@@ -1,4 +1,4 @@
-"""The suite as one process a node: one that dies is started again, and said so."""
+"""Run the nodes as one process each; one that dies is started again, and that is printed."""
 
 import os
 import signal
@@ -15,16 +15,16 @@ import yaml
 
 from weld_force_ros.errors import WeldForceError
 from weld_force_ros.ros import environment
-from weld_force_ros.ros.launcher import DRAIN_S, Kind, say, stop_signals, together
+from weld_force_ros.ros.launcher import DRAIN_S, Kind, in_flow_order, print_line, stop_signals
 
-_LOOK_S = 0.1
-_SOON_S, _LATER_S = 0.5, 5.0
+_POLL_S = 0.1
+_FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.5, 5.0
 _STEADY_S = 3.0
 _BAD_INPUT = 2
 _FEW_ARENAS = {"MALLOC_ARENA_MAX": "2"}  # each thread's own arena would keep 10 MB and more that it needed once
 
 
-class Child:
+class NodeProcess:
     """The process of one node.
 
     Attributes:
@@ -36,13 +36,13 @@ class Child:
         self.kind = kind
         self.starts = 0
         self._command = [sys.executable, "-m", "weld_force_ros.ros.launcher", kind, *arguments]
-        self._wait_s = _SOON_S
+        self._wait_s = _FIRST_PAUSE_S
         self._start_at_s = 0.0
         self._process: subprocess.Popen[bytes] | None = None
 
     @property
     def pid(self) -> int | None:
-        """Of the running process; None while there is none."""
+        """Return the id of the running process; None while there is none."""
         return self._process.pid if self._process is not None else None
 
     def start(self) -> None:
@@ -51,8 +51,12 @@ class Child:
         self._started_s = time.monotonic()
         self.starts += 1
 
-    def look_after(self) -> int | None:
-        """Start a process that has died again, after a pause that grows while it keeps dying; its code if it died."""
+    def restart_dead(self) -> int | None:
+        """Start the process again if it has died, after a pause that grows while it keeps dying.
+
+        Returns:
+            The exit code if it has just died, else None.
+        """
         if self._process is None:
             if time.monotonic() >= self._start_at_s:
                 self.start()
@@ -61,37 +65,40 @@ class Child:
         if code is not None:
             self._process = None
             steady = time.monotonic() - self._started_s > _STEADY_S
-            self._wait_s = _SOON_S if steady or self.starts == 1 else min(2 * self._wait_s, _LATER_S)
+            self._wait_s = _FIRST_PAUSE_S if steady or self.starts == 1 else min(2 * self._wait_s, _LONGEST_PAUSE_S)
             self._start_at_s = time.monotonic() + self._wait_s
-            say(f"{self.kind} node {_how(code)}; starting it again in {self._wait_s:g} s, nothing accepted is lost")
+            how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
+            print_line(f"{self.kind} node {how}; starting it again in {self._wait_s:g} s, nothing accepted is lost")
         return code
 
     def stop(self, timeout_s: float) -> int:
-        """End the process after what it has taken; its exit code."""
+        """End the process once it has finished what it took, and return its exit code."""
         if self._process is None:
             return 0
         self._process.terminate()
         try:
             code = self._process.wait(timeout_s)
-            return 0 if code == -signal.SIGTERM else code  # so early that it had taken nothing
+            return (
+                0 if code == -signal.SIGTERM else code
+            )  # before it had installed its signal handlers, so before it took anything
         except subprocess.TimeoutExpired:
             self._process.kill()
             return self._process.wait()
 
 
 class Supervisor:
-    """The nodes as processes; a context manager that stops them in the order of the flow.
+    """The nodes as processes; a context manager that stops them in the order in which messages pass them.
 
     Args:
-        parameters: by kind, then by name; kinds beside those of the suite run with it.
+        parameters: by kind of node, then by name; kinds beside those of the suite run with it.
         ros_args: as on a ROS command line, from `--ros-args` on; for every node.
     """
 
     def __init__(self, parameters: Mapping[Kind, Mapping[str, Any]], ros_args: Sequence[str] = ()) -> None:
         self._parameters = parameters
-        self._kinds = together(parameters)
+        self._kinds = in_flow_order(parameters)
         self._ros_args = list(ros_args) or ["--ros-args"]
-        self.children: dict[Kind, Child] = {}
+        self.processes: dict[Kind, NodeProcess] = {}
         self.code = 0
 
     def __enter__(self) -> "Supervisor":
@@ -101,25 +108,25 @@ class Supervisor:
         nodes = {f"/**/{k}_node": {"ros__parameters": dict(given)} for k, given in self._parameters.items()}
         file.write_text(yaml.safe_dump({k: v for k, v in nodes.items() if v["ros__parameters"]}))
         arguments = [*self._ros_args, "--params-file", str(file)] if any(self._parameters.values()) else self._ros_args
-        self.children = {kind: Child(kind, arguments) for kind in self._kinds}
-        for kind in reversed(self._kinds):  # those that listen first
-            self.children[kind].start()
+        self.processes = {kind: NodeProcess(kind, arguments) for kind in self._kinds}
+        for kind in reversed(self._kinds):  # subscribers before publishers
+            self.processes[kind].start()
         return self
 
-    def look_after(self) -> None:
-        """Start again what has died.
+    def restart_dead(self) -> None:
+        """Start the processes again that have died.
 
         Raises:
             WeldForceError: a node cannot be started as it is configured.
         """
-        for child in self.children.values():
-            if child.look_after() == _BAD_INPUT and child.starts == 1:
+        for child in self.processes.values():
+            if child.restart_dead() == _BAD_INPUT and child.starts == 1:
                 raise WeldForceError(f"the {child.kind} node cannot work like this; see the line above")
 
     def __exit__(self, *_: object) -> None:
         with self._stack:
             for kind in self._kinds:  # each has handed on what it took before the next is asked to end
-                self.code |= int(self.children[kind].stop(DRAIN_S + 10.0) != 0)
+                self.code |= int(self.processes[kind].stop(DRAIN_S + 10.0) != 0)
 
 
 def supervise(parameters: Mapping[Kind, Mapping[str, Any]], ros_args: Sequence[str] = ()) -> int:
@@ -134,11 +141,7 @@ def supervise(parameters: Mapping[Kind, Mapping[str, Any]], ros_args: Sequence[s
     with stop_signals() as (stop, _):
         supervisor = Supervisor(parameters, ros_args)
         with supervisor:
-            while not stop.wait(_LOOK_S):
-                supervisor.look_after()
-            say("stopping: each node finishes what it has taken")
+            while not stop.wait(_POLL_S):
+                supervisor.restart_dead()
+            print_line("stopping: each node finishes what it has taken")
     return supervisor.code
-
-
-def _how(code: int) -> str:
-    return f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"

@@ -1,4 +1,4 @@
-"""What a recording says about a ROS message type: its definition, its hash and the quality of service."""
+"""Describe ROS message types for a recording: definition, hash and quality of service."""
 
 import functools
 import json
@@ -14,7 +14,7 @@ _SEPARATOR = "=" * 80
 
 
 def message_definition(message_type: type, qos: QoSProfile) -> MessageDefinition:
-    """Describe a message type to the recorder.
+    """Return what the recorder has to know of a message type.
 
     Args:
         message_type: an rclpy message class.
@@ -34,21 +34,21 @@ def message_definition(message_type: type, qos: QoSProfile) -> MessageDefinition
 
 @functools.cache
 def definition_text(name: str) -> str:
-    """The text of a type (`package/Type`) and of all it is made of, in the form of encoding `ros2msg`."""
+    """Return the text of a type (`package/Type`) and of all types in it, in the form of encoding `ros2msg`."""
     texts: dict[str, str] = {}
     waiting = [name]
     while waiting:
         current = waiting.pop(0)
         if current not in texts:
             texts[current] = _share(current, "msg").read_text()
-            waiting += _parts(current, texts[current])
+            waiting += _field_types(current, texts[current])
     first, *parts = texts.items()
     return "\n".join([first[1], *(f"{_SEPARATOR}\nMSG: {part}\n{text}" for part, text in parts)])
 
 
 @functools.cache
 def type_hash(name: str) -> str:
-    """The REP-2011 hash of a type (`package/Type`)."""
+    """Return the REP-2011 hash of a type (`package/Type`)."""
     package, short = name.split("/")
     hashes = json.loads(_share(name, "json").read_text())["type_hashes"]
     return next(entry["hash_string"] for entry in hashes if entry["type_name"] == f"{package}/msg/{short}")
@@ -59,7 +59,7 @@ def _share(name: str, suffix: str) -> Path:
     return Path(get_package_share_directory(package)) / "msg" / f"{short}.{suffix}"
 
 
-def _parts(name: str, text: str) -> list[str]:
+def _field_types(name: str, text: str) -> list[str]:
     package, short = name.split("/")
     types = [field.type for field in parse_message_string(package, short, text).fields]
     return [f"{t.pkg_name}/{t.type}" for t in types if not t.is_primitive_type()]

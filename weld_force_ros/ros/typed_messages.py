@@ -1,4 +1,4 @@
-"""Typed twins of a verdict, for tools that see in JSON only text: PlotJuggler, rqt, Foxglove on live topics.
+"""Convert a verdict to typed ROS messages, for tools that show JSON as plain text only: PlotJuggler, rqt, Foxglove.
 
 PlotJuggler names a series of a DiagnosticArray `TOPIC/HARDWARE_ID/NAME/KEY`, without the hardware where that is empty:
 so one name for all welds and no hardware make one series of each number over all welds, such as
@@ -27,7 +27,7 @@ _LEVELS: dict[Decision, bytes] = {
 
 
 def peak_force(verdict: Verdict) -> WrenchStamped:
-    """The peak force; z is up, the wheel pushes the rail with it."""
+    """Return the peak force as a wrench; z is up."""
     wrench = WrenchStamped()
     wrench.header.frame_id = RAIL_FRAME
     wrench.header.stamp.sec, wrench.header.stamp.nanosec = verdict.stamp.sec, verdict.stamp.nanosec
@@ -36,7 +36,7 @@ def peak_force(verdict: Verdict) -> WrenchStamped:
 
 
 def criteria(verdict: Verdict) -> DiagnosticArray:
-    """All numbers of a verdict, one status: SI units, speeds in km/h; what is not known is absent."""
+    """Return all numbers of a verdict as one status: SI units, speeds in km/h; what is not known is absent."""
     numbers: dict[str, float] = {"peak_force_n": verdict.peak_force_n, "judged_speed_kmh": verdict.judged_speed_kmh}
     if (permitted := permitted_kmh(verdict)) is not None:
         numbers["permitted_speed_kmh"] = permitted

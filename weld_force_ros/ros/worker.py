@@ -1,4 +1,4 @@
-"""One thread that works through a queue, so that callbacks only ever append to it."""
+"""Handle queued items on a thread of their own, and hold callbacks back while the queue is full."""
 
 import threading
 from collections import deque
@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 
 class Worker(Generic[T]):
-    """Handles items one after the other, in the order they came, on a thread of its own."""
+    """A thread that handles items one after the other, in the order they came; callbacks only append to its queue."""
 
     def __init__(
         self,
@@ -39,7 +39,7 @@ class Worker(Generic[T]):
         self._limit = limit
         self._on_room = on_room
         self._items: deque[T] = deque()
-        self._in_hand = 0
+        self._being_handled = 0
         self._closed = False
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
@@ -47,13 +47,13 @@ class Worker(Generic[T]):
 
     @property
     def pending(self) -> int:
-        """Items waiting or in hand."""
+        """Return how many items wait or are being handled."""
         with self._changed:
-            return len(self._items) + self._in_hand
+            return len(self._items) + self._being_handled
 
     @property
     def has_room(self) -> bool:
-        """Whether callbacks may bring more; `put` itself refuses nothing."""
+        """Return whether callbacks may bring more; `put` itself refuses nothing."""
         return len(self._items) < self._limit
 
     def put(self, item: T, *, first: bool = False) -> None:
@@ -63,7 +63,7 @@ class Worker(Generic[T]):
             self._changed.notify()
 
     def close(self, timeout_s: float) -> int:
-        """Stop after the item in hand, waiting for it so long; return how many items were not handled."""
+        """Stop after the item being handled, waiting for it so long; return how many items were not handled."""
         with self._changed:
             self._closed = True
             self._changed.notify()
@@ -75,12 +75,12 @@ class Worker(Generic[T]):
             return
         while True:
             with self._changed:
-                self._in_hand = 0
+                self._being_handled = 0
                 self._changed.wait_for(lambda: self._items or self._closed)
                 if self._closed:
                     return
                 item = self._items.popleft()
-                self._in_hand = 1
+                self._being_handled = 1
                 room_again = len(self._items) == self._limit - 1
             if room_again:
                 self._on_room()
@@ -92,12 +92,12 @@ class Worker(Generic[T]):
 
 
 class BackPressureGroup(MutuallyExclusiveCallbackGroup):
-    """Callbacks that are held back while there is no room: their messages wait in the middleware, which keeps them."""
+    """A group of callbacks that are held back while there is no room: their messages wait in the middleware."""
 
     def __init__(self, is_open: Callable[[], bool]) -> None:
         super().__init__()
         self._is_open = is_open
 
     def can_execute(self, entity: object) -> bool:
-        """Asked by the executor before it looks for a message."""
+        """Return whether the executor may take a message for `entity`."""
         return self._is_open() and super().can_execute(entity)

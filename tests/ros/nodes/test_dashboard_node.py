@@ -23,7 +23,7 @@ from tests.ros.test_nodes_together import profile
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import Verdict, encode
 from weld_force_ros.report.pdf import find_browser
-from weld_force_ros.ros.launcher import KINDS, Kind, Suite, together
+from weld_force_ros.ros.launcher import KINDS, Kind, NodeSuite, in_flow_order
 
 pytest.importorskip("plotly")
 
@@ -36,8 +36,11 @@ COUNT_REMOVED = """
 
 @contextmanager
 def running(
-    folder: Path, kinds: tuple[Kind, ...] = together(["dashboard"]), outcomes: Outcomes | None = None, bag: str = ""
-) -> Iterator[Suite]:
+    folder: Path,
+    kinds: tuple[Kind, ...] = in_flow_order(["dashboard"]),
+    outcomes: Outcomes | None = None,
+    bag: str = "",
+) -> Iterator[NodeSuite]:
     parameters: dict[Kind, dict[str, Any]] = {
         "profile": {"folder": str(folder), "settle_s": 0.05},
         "simulator": {"speeds": "40,80,120", "positions": "0.15,0.30"},
@@ -45,7 +48,7 @@ def running(
         "dashboard": {"port": 0},
     }
     told = outcomes or Outcomes()
-    with Suite(
+    with NodeSuite(
         kinds, parameters=parameters, load_simulator=QuickSimulator, on_verdict=told, on_rejection=told
     ) as suite:
         yield suite
@@ -152,7 +155,7 @@ def used_port() -> Iterator[int]:
 def test_a_used_port_keeps_the_node_from_starting(domain_id: int, used_port: int) -> None:
     with (
         pytest.raises(InputError, match=f"port {used_port} is in use"),
-        Suite(("dashboard",), parameters={"dashboard": {"port": used_port}}),
+        NodeSuite(("dashboard",), parameters={"dashboard": {"port": used_port}}),
     ):
         pass
 

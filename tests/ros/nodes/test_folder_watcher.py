@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.harness.ros import Outcomes, wait_until
-from weld_force_ros.ros.nodes.folder_watcher import AT_ONCE, FolderWatcher
+from weld_force_ros.ros.nodes.folder_watcher import BATCH_FILES, FolderWatcher
 
 
 @contextmanager
@@ -103,16 +103,16 @@ def test_file_that_grows_while_it_is_in_hand_is_taken_again_once_it_stands_still
 
 
 def test_many_files_are_handed_over_some_at_a_time(folder: Path) -> None:
-    for number in range(AT_ONCE + 5):
+    for number in range(BATCH_FILES + 5):
         (folder / f"{number:04}.csv").write_text("x")
     handed: list[int] = []
     watcher = FolderWatcher(folder, (".csv",), 0.0, lambda paths: handed.append(len(paths)), lambda problem: None)
     watcher.start()
     try:
-        wait_until(lambda: sum(handed) == AT_ONCE + 5)
+        wait_until(lambda: sum(handed) == BATCH_FILES + 5)
     finally:
         watcher.close(5.0)
-    assert max(handed) <= AT_ONCE
+    assert max(handed) <= BATCH_FILES
 
 
 def test_changed_file_is_taken_again(folder: Path) -> None:

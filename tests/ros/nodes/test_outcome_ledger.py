@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from weld_force_ros.messages import TOPICS, ForceMap, Message, Rejection, Settled, Verdict, WeldProfile
 from weld_force_ros.recording import STRING, Recorder, string_cdr
-from weld_force_ros.ros.nodes.outcome_ledger import AT_ONCE, Ledger, read_ledger
+from weld_force_ros.ros.nodes.outcome_ledger import RESEND_BATCH, Ledger, read_ledger
 
 IDS = [f"{n:064x}" for n in range(40)]
 
@@ -49,7 +49,7 @@ def test_every_open_measurement_is_sent_again_in_its_turn() -> None:
         ledger.accept(IDS[n], bytes([n]))
     sent = [cdr[0] for _ in range(5) for cdr in ledger.oldest_open()]
     assert sent[:40] == list(range(40))
-    assert len(sent) == 5 * AT_ONCE
+    assert len(sent) == 5 * RESEND_BATCH
 
 
 def test_recording_tells_what_is_open_settled_and_unfinished(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from std_msgs.msg import String
 from tests.harness.ros import Outcomes, Probe, profile_text
 from weld_force_ros.messages import Rejection, WeldProfile, decode
 from weld_force_ros.ros import qos
-from weld_force_ros.ros.launcher import Suite
+from weld_force_ros.ros.launcher import NodeSuite
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def published(probe: Probe) -> Outcomes:
 
 @contextmanager
 def profile_node(folder: Path, **parameters: Any) -> Iterator[None]:
-    with Suite(("profile",), parameters={"profile": {"folder": str(folder), "settle_s": 0.05, **parameters}}):
+    with NodeSuite(("profile",), parameters={"profile": {"folder": str(folder), "settle_s": 0.05, **parameters}}):
         yield
 
 

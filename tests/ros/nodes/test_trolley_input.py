@@ -38,9 +38,9 @@ class Listening(LifecycleNodeBase):
     kind = "profile_node"
 
     def _configure(self, values: dict[str, Any]) -> None:
-        self.messenger = self._resources.enter_context(ContractTopics(self, [Rejection]))
+        self.topics = self._resources.enter_context(ContractTopics(self, [Rejection]))
         folder = Path(values["folder"])
-        self.trolley = self._resources.enter_context(TrolleyInput(self, folder, self.messenger, values))
+        self.trolley = self._resources.enter_context(TrolleyInput(self, folder, self.topics, values))
 
     @property
     def pending(self) -> int:
@@ -189,7 +189,7 @@ def test_what_was_queued_is_handled_before_the_node_lets_go(
     wait_until(lambda: listening.trolley.facts())
     mark(encode(WeldMarker(chainage_m=0.6)).decode())
     mark(encode(WeldMarker(chainage_m=0.9, weld_id="later", sequence=1)).decode())
-    wait_until(lambda: listening.messenger.diagnostics.received["weld_marker"] == 2)
+    wait_until(lambda: listening.topics.diagnostics.received["weld_marker"] == 2)
     listening.close()  # the trolley still stands over the first weld; its metre is measured
     assert [read_profile(file).chainage_m for file in files(folder)] == [0.6]
     again = spinning(Listening, folder=str(folder))
@@ -221,8 +221,8 @@ def test_lost_batches_are_counted(spinning: Callable[..., Any], folder: Path, pu
     measure = publisher("rail_surface")
     measure(peak_map(0.0, 1.0, 0))
     measure(peak_map(1.0, 2.0, 3))
-    wait_until(lambda: listening.messenger.diagnostics.received["rail_surface"] == 2)
-    assert listening.messenger.diagnostics.gaps() == 2
+    wait_until(lambda: listening.topics.diagnostics.received["rail_surface"] == 2)
+    assert listening.topics.diagnostics.gaps() == 2
 
 
 def test_a_flood_of_batches_waits_and_none_is_lost(
@@ -239,8 +239,8 @@ def test_a_flood_of_batches_waits_and_none_is_lost(
         return float(str(listening.trolley.facts().get("trolley at m", 0))) == pytest.approx(29.997, abs=3e-3)
 
     wait_until(taken)
-    assert listening.messenger.diagnostics.received["rail_surface"] == 300
-    assert listening.messenger.diagnostics.gaps() == 0
+    assert listening.topics.diagnostics.received["rail_surface"] == 300
+    assert listening.topics.diagnostics.gaps() == 0
     assert max(queued) <= 66  # the limit, one in hand, and one that was under way
 
 
@@ -257,7 +257,7 @@ def test_drivers_of_either_reliability_are_heard(
     wait_until(lambda: listening.trolley.facts().get("point clouds refused") == 1)
     assert listening.trolley.facts()["trolley at m"] == "0.997"
     assert listening.trolley.facts()["rail samples that are no numbers"] == 500
-    wait_until(lambda: "bytes for 1 rows" in listening.messenger.diagnostics.last_error)
+    wait_until(lambda: "bytes for 1 rows" in listening.topics.diagnostics.last_error)
 
 
 LAYOUTS = st.fixed_dictionaries(
@@ -356,7 +356,7 @@ def test_damaged_bytes_of_a_cloud_are_refused(
     for _ in range(50):
         publish(whole[: generator.integers(4, len(whole) // 2)])
     publish(whole)
-    wait_until(lambda: listening.messenger.diagnostics.received["rail_surface_points"] == 51)
+    wait_until(lambda: listening.topics.diagnostics.received["rail_surface_points"] == 51)
     wait_until(lambda: listening.trolley.facts().get("trolley at m") == "0.997")
     assert listening.trolley.facts()["point clouds refused"] == 50
 

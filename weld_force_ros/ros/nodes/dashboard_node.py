@@ -18,7 +18,7 @@ from weld_force_ros.messages import (
 from weld_force_ros.report.html_page import page
 from weld_force_ros.report.live_report import NEWEST, LiveReport
 from weld_force_ros.report.live_server import Server
-from weld_force_ros.ros.contract_topics import ContractTopics, Sample
+from weld_force_ros.ros.contract_topics import ContractTopics, SerializedMessage
 from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
 from weld_force_ros.ros.worker import Worker
 
@@ -46,19 +46,19 @@ class DashboardNode(LifecycleNodeBase):
         )
         folder = self._resources.enter_context(tempfile.TemporaryDirectory(prefix="weld-force-dashboard-"))
         self._board = LiveReport(Path(folder))
-        self.messenger = self._resources.enter_context(ContractTopics(self, [], group=self.gate))
-        self._worker: Worker[tuple[type[Message], Sample]] = Worker(
-            "dashboard", self._take, self.messenger.report_problem, on_room=self.wake
+        self.topics = self._resources.enter_context(ContractTopics(self, [], group=self.intake_group))
+        self._worker: Worker[tuple[type[Message], SerializedMessage]] = Worker(
+            "dashboard", self._take, self.topics.report_problem, on_room=self.wake
         )
         self._resources.callback(self._worker.close, CLOSE_S)
         server = Server(self._board, html, values["port"])
         self._resources.callback(server.close)
         self.url = server.url
-        self.messenger.diagnostics.queue_length = lambda: self._worker.pending
-        self.messenger.diagnostics.facts = lambda: {"page": self.url, "welds shown": self._board.count}
-        self.messenger.publish_diagnostics()
+        self.topics.diagnostics.queue_length = lambda: self._worker.pending
+        self.topics.diagnostics.facts = lambda: {"page": self.url, "welds shown": self._board.count}
+        self.topics.publish_diagnostics()
         for kind in _SHOWN:
-            self.messenger.listen(kind, partial(self._queue, kind))
+            self.topics.subscribe(kind, partial(self._queue, kind))
         self.get_logger().info(f"dashboard: {self.url}")
 
     @property
@@ -70,14 +70,14 @@ class DashboardNode(LifecycleNodeBase):
         """Messages that are not on the page yet."""
         return self._worker.pending if self._configured else 0
 
-    def _queue(self, kind: type[Message], sample: Sample) -> None:
-        self._worker.put((kind, sample))
+    def _queue(self, kind: type[Message], serialized: SerializedMessage) -> None:
+        self._worker.put((kind, serialized))
 
-    def _take(self, item: tuple[type[Message], Sample]) -> None:
-        kind, sample = item
-        incoming = self.messenger.open(kind, sample)
+    def _take(self, item: tuple[type[Message], SerializedMessage]) -> None:
+        kind, serialized = item
+        incoming = self.topics.receive(kind, serialized)
         if incoming.repeated:
             return
-        message = self.messenger.read_quietly(kind, incoming)  # who has to act on it rejects what cannot be read
+        message = self.topics.decode_or_report(kind, incoming)  # who has to act on it rejects what cannot be read
         if message is not None:
             self._board.take(message)

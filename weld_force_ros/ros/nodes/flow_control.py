@@ -5,8 +5,8 @@ import time
 from collections.abc import Callable, Sequence
 
 from weld_force_ros.messages import MAX_IDS, Inquiry, Rejection, Settled, WeldProfile
-from weld_force_ros.ros.contract_topics import ContractTopics, Sample
-from weld_force_ros.ros.qos import WINDOW
+from weld_force_ros.ros.contract_topics import ContractTopics, SerializedMessage
+from weld_force_ros.ros.qos import MAX_OUTSTANDING
 
 _LOOK_S = 0.02
 _LEDGER_APPEARS_S = 1.0
@@ -20,13 +20,13 @@ class FlowControl:
     The assessment node keeps the ledger. Where there is none, everything is sent, up to the window.
 
     Args:
-        messenger: of the node.
+        topics: of the node.
         ledgers: how many assessment nodes there are now.
         stopping: whether waiting is to be given up.
     """
 
-    def __init__(self, messenger: ContractTopics, ledgers: Callable[[], int], stopping: threading.Event) -> None:
-        self._messenger = messenger
+    def __init__(self, topics: ContractTopics, ledgers: Callable[[], int], stopping: threading.Event) -> None:
+        self._topics = topics
         self._ledgers = ledgers
         self._stopping = stopping
         self._settled: set[bytes] = set()
@@ -46,11 +46,11 @@ class FlowControl:
         with self._changed:
             oldest = next(iter(self._under_way.values()), self._sent)
             # Nothing without an outcome may be pushed out of what the publishers keep for those who join late.
-            return len(self._under_way) >= WINDOW or self._sent - oldest >= 2 * WINDOW - 1
+            return len(self._under_way) >= MAX_OUTSTANDING or self._sent - oldest >= 2 * MAX_OUTSTANDING - 1
 
-    def take_settled(self, sample: Sample) -> None:
+    def take_settled(self, serialized: SerializedMessage) -> None:
         """Note what the ledger says; for the executor's thread."""
-        settled = self._messenger.read_quietly(Settled, self._messenger.open(Settled, sample))
+        settled = self._topics.decode_or_report(Settled, self._topics.receive(Settled, serialized))
         if settled is None:
             return
         with self._changed:
@@ -58,7 +58,7 @@ class FlowControl:
             for profile_id in settled.profile_ids:
                 self._settled.add(bytes.fromhex(profile_id))
                 self._under_way.pop(bytes.fromhex(profile_id), None)
-            if settled.asked_by == self._messenger.instance:
+            if settled.asked_by == self._topics.instance:
                 self._answered.add(settled.asked_sequence)
             self._changed.notify_all()
 
@@ -81,7 +81,7 @@ class FlowControl:
         with self._changed:
             self._under_way[key] = self._sent
         try:
-            self._messenger.publish(message)
+            self._topics.publish(message)
         except Exception:
             with self._changed:
                 self._under_way.pop(key, None)
@@ -93,11 +93,11 @@ class FlowControl:
         with self._changed:
             overdue = list(self._under_way) if time.monotonic() - self._heard_s > _ASK_AGAIN_S else []
         if overdue and self._ledgers():
-            self._messenger.publish(Inquiry(profile_ids=[key.hex() for key in overdue]))
+            self._topics.publish(Inquiry(profile_ids=[key.hex() for key in overdue]))
 
     @property
     def _sent(self) -> int:
-        return self._messenger.sent(WeldProfile) + self._messenger.sent(Rejection)
+        return self._topics.sent(WeldProfile) + self._topics.sent(Rejection)
 
     def _known(self, profile_id: str) -> bool:
         key = bytes.fromhex(profile_id)
@@ -109,7 +109,7 @@ class FlowControl:
         if not self._ledgers():
             return
         inquiry = Inquiry(profile_ids=profile_ids)
-        self._messenger.publish(inquiry)
+        self._topics.publish(inquiry)
         # Without an answer the ledger will see to it that nothing gets a second outcome.
         self._wait(lambda: inquiry.sequence in self._answered, until_s=time.monotonic() + _ANSWER_WITHIN_S)
         self._answered.discard(inquiry.sequence)

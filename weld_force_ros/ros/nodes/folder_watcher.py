@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import watchfiles
 
-AT_ONCE = 256
+BATCH_FILES = 256
 """Files that are handed over together."""
 
 _TICK_MS = 20
@@ -31,7 +31,7 @@ class FolderWatcher:
         folder: to watch; the files already there are handed over first.
         suffixes: of the files that matter, lower case; hidden files do not.
         settle_s: how long size and time of change must stand still before a file counts as written.
-        take: called with the files that are ready, at most `AT_ONCE` of them, in order of name; raises nothing.
+        take: called with the files that are ready, at most `BATCH_FILES` of them, in order of name; raises nothing.
         report_problem: called with a problem of the folder itself, which is tried again.
     """
 
@@ -111,10 +111,10 @@ class FolderWatcher:
 
     def _hand_over(self) -> None:
         names = sorted(self._waiting)
-        for begin in range(0, len(names), AT_ONCE):
+        for begin in range(0, len(names), BATCH_FILES):
             if self._stop.is_set():
                 return
-            ready = [name for name in names[begin : begin + AT_ONCE] if self._look_at(name) >= self._settle_s]
+            ready = [name for name in names[begin : begin + BATCH_FILES] if self._look_at(name) >= self._settle_s]
             # Noted before they are read: what is written meanwhile is another state.
             self._taken |= {name: self._waiting[name][0] for name in ready}
             if ready:

@@ -22,13 +22,13 @@ from weld_force_ros.messages import (
 )
 from weld_force_ros.recording import STRING, Recorded, stored
 
-AT_ONCE = 16
+RESEND_BATCH = 16
 """Measurements that are sent again together."""
 
 _KINDS = {topic.name: topic.type for topic in TOPICS.values()}
 
 
-class Kept(NamedTuple):
+class RecordedOutcome(NamedTuple):
     """A serialised outcome, kept until it is no longer needed."""
 
     kind: type[Message]
@@ -44,7 +44,7 @@ class Ledger:
     """
 
     def __init__(self) -> None:
-        self.unfinished: dict[str, Kept] = {}
+        self.unfinished: dict[str, RecordedOutcome] = {}
         self.waiting_maps: dict[str, bytes] = {}
         self._settled: set[bytes] = set()
         self._open: dict[str, bytes] = {}
@@ -80,7 +80,7 @@ class Ledger:
 
     def oldest_open(self) -> list[bytes]:
         """The profiles that have waited longest; the next time others come first."""
-        oldest = list(self._open.items())[:AT_ONCE]
+        oldest = list(self._open.items())[:RESEND_BATCH]
         for profile_id, cdr in oldest:
             del self._open[profile_id]
             self._open[profile_id] = cdr
@@ -131,4 +131,4 @@ def _enter(ledger: Ledger, kind: type[Message], recorded: Recorded, entry: _Entr
         ledger.waiting_maps[identity(entry)] = recorded.data
     elif kind is Verdict or (kind is Rejection and isinstance(entry.profile_id, str)):
         ledger.settle(identity(entry))
-        ledger.unfinished[identity(entry)] = Kept(kind, recorded.data)
+        ledger.unfinished[identity(entry)] = RecordedOutcome(kind, recorded.data)

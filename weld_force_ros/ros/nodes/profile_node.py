@@ -39,18 +39,18 @@ class ProfileNode(LifecycleNodeBase):
         folder = _folder(values["folder"])
         self._form = _plain_form(values)
         self._stopping = threading.Event()
-        self.messenger = self._resources.enter_context(ContractTopics(self, [WeldProfile, Rejection, Inquiry]))
+        self.topics = self._resources.enter_context(ContractTopics(self, [WeldProfile, Rejection, Inquiry]))
         settled_topic = self.resolve_topic_name(TOPICS[Settled].name)
-        self._dispatch = FlowControl(self.messenger, lambda: self.count_publishers(settled_topic), self._stopping)
-        self.messenger.listen(Settled, self._dispatch.take_settled)
-        self._watcher = FolderWatcher(folder, SUFFIXES, values["settle_s"], self._take, self.messenger.report_problem)
-        self._trolley = self._resources.enter_context(TrolleyInput(self, folder, self.messenger, values))
-        timer = self.create_timer(1.0, self._dispatch.ask_again, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._flow_control = FlowControl(self.topics, lambda: self.count_publishers(settled_topic), self._stopping)
+        self.topics.subscribe(Settled, self._flow_control.take_settled)
+        self._watcher = FolderWatcher(folder, SUFFIXES, values["settle_s"], self._take, self.topics.report_problem)
+        self._trolley = self._resources.enter_context(TrolleyInput(self, folder, self.topics, values))
+        timer = self.create_timer(1.0, self._flow_control.ask_again, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._resources.callback(self.destroy_timer, timer)
-        self.messenger.diagnostics.queue_length = lambda: self._watcher.waiting
-        self.messenger.diagnostics.facts = self._facts
-        self.messenger.diagnostics.warning = self._warning
-        self.messenger.publish_diagnostics()
+        self.topics.diagnostics.queue_length = lambda: self._watcher.waiting
+        self.topics.diagnostics.facts = self._facts
+        self.topics.diagnostics.warning = self._warning
+        self.topics.publish_diagnostics()
         self.get_logger().info(f"watching {folder}")
 
     def _activate(self) -> None:
@@ -79,19 +79,19 @@ class ProfileNode(LifecycleNodeBase):
         return self._watcher.running
 
     def _facts(self) -> dict[str, object]:
-        return {"measurements without outcome": self._dispatch.under_way, **self._trolley.facts()}
+        return {"measurements without outcome": self._flow_control.under_way, **self._trolley.facts()}
 
     def _warning(self) -> str | None:
-        if not self._dispatch.full:
+        if not self._flow_control.full:
             return None
-        return f"{self._dispatch.under_way} measurements wait for an outcome: are simulator and assessment running?"
+        return f"{self._flow_control.under_way} measurements wait for an outcome: are simulator and assessment running?"
 
     def _take(self, paths: Sequence[Path]) -> None:
         files = {}
         for path in paths:
             if (file := self._read(path)) is not None:
                 files[file.profile_id] = file
-        for profile_id in self._dispatch.without_outcome(list(files)):
+        for profile_id in self._flow_control.without_outcome(list(files)):
             files[profile_id].wanted = True
         for file in files.values():
             if file.wanted and not self._stopping.is_set():
@@ -108,7 +108,7 @@ class ProfileNode(LifecycleNodeBase):
             problem = InputError(
                 f"cannot be read: {error.strerror or error}", "make the file readable and save it again"
             )
-            self.messenger.reject(name, problem)
+            self.topics.reject(name, problem)
             return None
 
     def _publish(self, file: "_File") -> None:
@@ -116,13 +116,13 @@ class ProfileNode(LifecycleNodeBase):
         try:
             profile = parse_profile(file.content, file.name, form)
             profile.profile_id = file.profile_id
-            self._dispatch.send(profile)
+            self._flow_control.send(profile)
         except Exception as error:  # whatever is wrong with a file, it ends as a Rejection
             whole = len(file.content) <= MAX_FILE_BYTES
             text = file.content.decode("utf-8", "replace")
             digest = file.sha256 if whole else UNSET
-            self._dispatch.send(
-                self.messenger.rejection(file.name, error, text, source_sha256=digest, profile_id=file.profile_id)
+            self._flow_control.send(
+                self.topics.rejection(file.name, error, text, source_sha256=digest, profile_id=file.profile_id)
             )
 
 

@@ -17,10 +17,10 @@ from weld_force_ros.messages import (
     WeldProfile,
     identity,
 )
-from weld_force_ros.ros.contract_topics import ContractTopics, Sample
+from weld_force_ros.ros.contract_topics import ContractTopics, SerializedMessage
 from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
-from weld_force_ros.ros.parameter_file import settings_of_simulator
-from weld_force_ros.ros.qos import KEPT
+from weld_force_ros.ros.parameters import settings_from_parameters
+from weld_force_ros.ros.qos import KEPT_DEPTH
 from weld_force_ros.ros.worker import Worker
 from weld_force_ros.simulation import simulator
 
@@ -48,26 +48,26 @@ class SimulatorNode(LifecycleNodeBase):
         self._load = load
 
     def _configure(self, values: dict[str, Any]) -> None:
-        self._settings = settings_of_simulator(values)
+        self._settings = settings_from_parameters(values)
         self._settled: OrderedDict[str, None] = OrderedDict()
         self._computed_s: OrderedDict[str, float] = OrderedDict()
         self._simulator: Simulates
         self._limits: AssessmentSettings | None = None
-        self.messenger = self._resources.enter_context(
-            ContractTopics(self, [SimulationSettings, ForceMap, ForceHistory, Rejection], group=self.gate)
+        self.topics = self._resources.enter_context(
+            ContractTopics(self, [SimulationSettings, ForceMap, ForceHistory, Rejection], group=self.intake_group)
         )
-        self.messenger.publish(self._settings)
-        self._worker: Worker[Sample | SimulationSettings] = Worker(
-            "simulator", self._handle, self.messenger.report_problem, self._prepare, on_room=self.wake
+        self.topics.publish(self._settings)
+        self._worker: Worker[SerializedMessage | SimulationSettings] = Worker(
+            "simulator", self._handle, self.topics.report_problem, self._prepare, on_room=self.wake
         )
         self._resources.callback(self._worker.close, CLOSE_S)
-        self.messenger.diagnostics.queue_length = lambda: self._worker.pending
-        self.messenger.diagnostics.warning = self._warning
-        self.messenger.publish_diagnostics()
+        self.topics.diagnostics.queue_length = lambda: self._worker.pending
+        self.topics.diagnostics.warning = self._warning
+        self.topics.publish_diagnostics()
         # In a group of its own: limits are to be known even while profiles have to wait.
-        self.messenger.listen(AssessmentSettings, self._note_limits, self.default_callback_group)
-        self.messenger.listen(Settled, self._note_settled)
-        self.messenger.listen(WeldProfile, self._worker.put)
+        self.topics.subscribe(AssessmentSettings, self._note_limits, self.default_callback_group)
+        self.topics.subscribe(Settled, self._note_settled)
+        self.topics.subscribe(WeldProfile, self._worker.put)
 
     @property
     def _has_room(self) -> bool:
@@ -79,10 +79,10 @@ class SimulatorNode(LifecycleNodeBase):
         return self._worker.pending if self._configured else 0
 
     def _check_change(self, values: dict[str, Any]) -> None:
-        settings_of_simulator(values)
+        settings_from_parameters(values)
 
     def _change(self, values: dict[str, Any]) -> None:
-        self._worker.put(settings_of_simulator(values))
+        self._worker.put(settings_from_parameters(values))
 
     def _warning(self) -> str | None:
         others = self.count_publishers(self.resolve_topic_name(TOPICS[ForceMap].name)) - 1
@@ -92,30 +92,30 @@ class SimulatorNode(LifecycleNodeBase):
         try:
             self._simulator = self._load(self._settings)
         except Exception as error:  # reported by whoever runs the node, and in /diagnostics
-            self.messenger.diagnostics.fail(error)
+            self.topics.diagnostics.fail(error)
             return False
         self.get_logger().info(f"track {self._settings.track} ready")
         return True
 
-    def _note_settled(self, sample: Sample) -> None:
-        settled = self.messenger.read_quietly(Settled, self.messenger.open(Settled, sample))
+    def _note_settled(self, serialized: SerializedMessage) -> None:
+        settled = self.topics.decode_or_report(Settled, self.topics.receive(Settled, serialized))
         for profile_id in settled.profile_ids if settled is not None else ():
             self._settled[profile_id] = None
-        while len(self._settled) > KEPT[Settled]:
+        while len(self._settled) > KEPT_DEPTH[Settled]:
             self._settled.popitem(last=False)
 
-    def _note_limits(self, sample: Sample) -> None:
-        incoming = self.messenger.open(AssessmentSettings, sample)
+    def _note_limits(self, serialized: SerializedMessage) -> None:
+        incoming = self.topics.receive(AssessmentSettings, serialized)
         if not incoming.repeated:
-            self._limits = self.messenger.read_quietly(AssessmentSettings, incoming) or self._limits
+            self._limits = self.topics.decode_or_report(AssessmentSettings, incoming) or self._limits
 
-    def _handle(self, item: Sample | SimulationSettings) -> None:
+    def _handle(self, item: SerializedMessage | SimulationSettings) -> None:
         if isinstance(item, SimulationSettings):
             self._simulator, self._settings = self._load(item), item
-            self.messenger.publish(item)
+            self.topics.publish(item)
             return
-        incoming = self.messenger.open(WeldProfile, item)
-        profile = self.messenger.read(WeldProfile, incoming)
+        incoming = self.topics.receive(WeldProfile, item)
+        profile = self.topics.decode_or_reject(WeldProfile, incoming)
         if profile is not None and not self._done(identity(profile)):
             self._simulate(profile, incoming.text)
 
@@ -129,21 +129,21 @@ class SimulatorNode(LifecycleNodeBase):
         try:
             force_map = self._simulator.force_map(profile)
             force_map.profile_id = profile_id
-            self.messenger.publish(force_map)
+            self.topics.publish(force_map)
         except Exception as error:  # every profile has an outcome, whatever went wrong with it
-            self.messenger.reject(
+            self.topics.reject(
                 profile.source, error, text, profile_sha256=profile.profile_sha256, profile_id=profile_id
             )
         else:
             self._publish_history(profile, force_map)
         self._computed_s[profile_id] = time.monotonic()
-        while len(self._computed_s) > KEPT[ForceMap]:
+        while len(self._computed_s) > KEPT_DEPTH[ForceMap]:
             self._computed_s.popitem(last=False)
 
     def _publish_history(self, profile: WeldProfile, force_map: ForceMap) -> None:
         try:
             history = deciding_history(profile, self._simulator, force_map, self._limits)
             history.profile_id = force_map.profile_id
-            self.messenger.publish(history)
+            self.topics.publish(history)
         except Exception as error:  # the map is the outcome; a Rejection would be a second one
-            self.messenger.report_problem(f"force history of {profile.weld_id}: {error}")
+            self.topics.report_problem(f"force history of {profile.weld_id}: {error}")

@@ -22,7 +22,7 @@ from weld_force_ros.measurement.live_capture import LiveRail
 from weld_force_ros.measurement.rail_stream import STEP_M
 from weld_force_ros.messages import MAX_MESSAGE_BYTES, TOPICS, Message, RailSurface, WeldMarker
 from weld_force_ros.ros import point_cloud, qos
-from weld_force_ros.ros.contract_topics import ContractTopics, Sample, listen
+from weld_force_ros.ros.contract_topics import ContractTopics, SerializedMessage, subscribe_raw
 from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
 from weld_force_ros.ros.worker import BackPressureGroup, Worker
 
@@ -41,15 +41,15 @@ class TrolleyInput:
     Args:
         node: whose topics they are.
         folder: where captured welds are written.
-        messenger: the node's.
-        values: its parameters, of `node_parameters`.
+        topics: the node's.
+        values: its parameters by name.
     """
 
     def __init__(
-        self, node: LifecycleNodeBase, folder: Path, messenger: ContractTopics, values: Mapping[str, Any]
+        self, node: LifecycleNodeBase, folder: Path, topics: ContractTopics, values: Mapping[str, Any]
     ) -> None:
         self._node = node
-        self._messenger = messenger
+        self._topics = topics
         self._lock = threading.Lock()
         self._here_m: float | None = None
         self._malformed = 0
@@ -60,11 +60,11 @@ class TrolleyInput:
             detect=values["detect_welds"],
             marker_offset_m=values["marker_offset_m"],
             mark_timeout_s=values["mark_timeout_s"],
-            refuse=messenger.reject,
+            refuse=topics.reject,
             announce=node.get_logger().info,
         )
         self._worker: Worker[Callable[[], None]] = Worker(
-            "trolley", lambda job: job(), messenger.report_problem, on_room=node.wake
+            "trolley", lambda job: job(), topics.report_problem, on_room=node.wake
         )
         self._gate = BackPressureGroup(lambda: self._node.active and self._worker.has_room)
         self._subscriptions = [
@@ -111,11 +111,13 @@ class TrolleyInput:
             "point clouds refused": self._malformed,
         }
 
-    def _listen(self, kind: type[Message], handle: Callable[[Sample], None]) -> Subscription:
-        def queue(sample: Sample) -> None:
-            self._worker.put(lambda: handle(sample))
+    def _listen(self, kind: type[Message], handle: Callable[[SerializedMessage], None]) -> Subscription:
+        def queue(serialized: SerializedMessage) -> None:
+            self._worker.put(lambda: handle(serialized))
 
-        return listen(self._node, String, TOPICS[kind].name, qos.reading(TOPICS[kind]), queue, self._gate)
+        return subscribe_raw(
+            self._node, String, TOPICS[kind].name, qos.subscription_qos(TOPICS[kind]), queue, self._gate
+        )
 
     def _listen_to_points(self, profile: QoSProfile) -> Subscription:
         return self._node.create_subscription(
@@ -136,15 +138,15 @@ class TrolleyInput:
                 f"a driver publishes {point_cloud.TOPIC} with best effort: what is lost on the way is a gap in the rail"
             )
 
-    def _take_surface(self, sample: Sample) -> None:
-        incoming = self._messenger.open(RailSurface, sample)
-        surface = self._messenger.read(RailSurface, incoming)
+    def _take_surface(self, serialized: SerializedMessage) -> None:
+        incoming = self._topics.receive(RailSurface, serialized)
+        surface = self._topics.decode_or_reject(RailSurface, incoming)
         if surface is not None:
             self._live.take(surface)
             self._note_place()
 
     def _take_points(self, cdr: bytes) -> None:
-        self._messenger.diagnostics.count_received(point_cloud.TOPIC)
+        self._topics.diagnostics.count_received(point_cloud.TOPIC)
         try:
             cloud = _cloud(cdr)
             chainage_m, height_m = point_cloud.samples_of(cloud)
@@ -164,20 +166,20 @@ class TrolleyInput:
     def _report_and_log_once(self, problem: str) -> None:
         """Log a problem once, but keep it in /diagnostics for as long as it lasts."""
         if problem == self._last_problem:
-            self._messenger.diagnostics.report_problem(problem)
+            self._topics.diagnostics.report_problem(problem)
         else:
             self._last_problem = problem
-            self._messenger.report_problem(problem)
+            self._topics.report_problem(problem)
 
     def _note_place(self) -> None:
         with self._lock:
             self._here_m = self._live.position_m
 
-    def _take_marker(self, sample: Sample) -> None:
-        incoming = self._messenger.open(WeldMarker, sample)
+    def _take_marker(self, serialized: SerializedMessage) -> None:
+        incoming = self._topics.receive(WeldMarker, serialized)
         if incoming.repeated:
             return
-        marker = self._messenger.read(WeldMarker, incoming)
+        marker = self._topics.decode_or_reject(WeldMarker, incoming)
         if marker is not None:
             self._mark(marker, incoming.description, incoming.text)
 
@@ -185,7 +187,7 @@ class TrolleyInput:
         try:
             self._node.get_logger().info(self._live.mark(marker))
         except InputError as error:
-            self._messenger.reject(source, error, text)
+            self._topics.reject(source, error, text)
 
     def _capture_weld(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Queued behind the samples that came before: the place is where the trolley is by then."""

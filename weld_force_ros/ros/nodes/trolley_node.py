@@ -34,13 +34,13 @@ class TrolleyNode(LifecycleNodeBase):
         self._marks, self._form, self._rate = values["marks"], values["form"], values["rate"]
         self.rail = SyntheticRail(values["length_m"], values["seed"])
         self._batches = synthetic_rail.run(self.rail, values["seed"], Handling(speed_m_per_s=values["speed_m_per_s"]))
-        self.messenger = self._resources.enter_context(ContractTopics(self, [RailSurface, WeldMarker]))
+        self.topics = self._resources.enter_context(ContractTopics(self, [RailSurface, WeldMarker]))
         if self._form == "points":
-            self._points = self.messenger.outlet(PointCloud2, point_cloud.TOPIC, qos.STREAM)
+            self._points = self.topics.add_publisher(PointCloud2, point_cloud.TOPIC, qos.STREAM)
         if self._marks == "service":
             self._client = self.create_client(Trigger, CAPTURE_SERVICE)
             self._resources.callback(self.destroy_client, self._client)
-        self.messenger.publish_diagnostics()
+        self.topics.publish_diagnostics()
         self._going, self._stopped, self._finished = threading.Event(), threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._go, name="trolley run", daemon=True)
         self._resources.callback(self._stop)
@@ -81,7 +81,7 @@ class TrolleyNode(LifecycleNodeBase):
                 self._measure()
         except Exception as error:  # reported by whoever runs the node, and in /diagnostics
             if not self._stopped.is_set():
-                self.messenger.diagnostics.fail(error)
+                self.topics.diagnostics.fail(error)
 
     def _await_listeners(self) -> bool:
         self.get_logger().info("waiting for somebody who listens")
@@ -119,9 +119,9 @@ class TrolleyNode(LifecycleNodeBase):
 
     def _send(self, batch: Batch) -> None:
         if self._form == "points":
-            self._points.send(point_cloud.cloud_of(batch.chainage_m, batch.height_m))
+            self._points.publish(point_cloud.cloud_of(batch.chainage_m, batch.height_m))
             return
-        self.messenger.publish(
+        self.topics.publish(
             RailSurface(
                 chainage=np.round(batch.chainage_m, 6).tolist(),
                 chainage_unit="m",
@@ -133,20 +133,20 @@ class TrolleyNode(LifecycleNodeBase):
 
     def _mark(self, placed: PlacedWeld) -> None:
         if self._marks == "marker":
-            self.messenger.publish(WeldMarker(chainage_m=placed.chainage_m, weld_id=placed.weld_id))
+            self.topics.publish(WeldMarker(chainage_m=placed.chainage_m, weld_id=placed.weld_id))
         elif self._marks == "service":
             self._call_service()
 
     def _call_service(self) -> None:
         """Stand still until there is an answer, as whoever presses the button does."""
-        self.messenger.wait_until_acknowledged(_ANSWER_S)
+        self.topics.wait_until_acknowledged(_ANSWER_S)
         answered = threading.Event()
         future = self._client.call_async(Trigger.Request())
         future.add_done_callback(lambda _: answered.set())
         if not answered.wait(_ANSWER_S):
-            self.messenger.report_problem(f"{CAPTURE_SERVICE} did not answer within {_ANSWER_S:g} s")
+            self.topics.report_problem(f"{CAPTURE_SERVICE} did not answer within {_ANSWER_S:g} s")
         elif not future.result().success:
-            self.messenger.report_problem(f"{CAPTURE_SERVICE}: {future.result().message}")
+            self.topics.report_problem(f"{CAPTURE_SERVICE}: {future.result().message}")
 
 
 def _check_choice(values: dict[str, Any], name: str, choices: tuple[str, ...]) -> None:

@@ -9,15 +9,15 @@ import pytest
 import yaml
 
 from weld_force_ros.errors import InputError
-from weld_force_ros.ros.parameter_file import (
+from weld_force_ros.ros.parameters import (
     PARAMETERS,
-    check,
-    config_schema,
-    default_config,
-    effective,
-    read_config,
-    settings_of_simulator,
-    shipped_config,
+    check_values,
+    default_parameter_file,
+    default_parameter_text,
+    parameter_file_schema,
+    read_parameter_file,
+    settings_from_parameters,
+    values_of_node,
 )
 
 
@@ -32,17 +32,17 @@ def parameters(**given: Any) -> dict[str, Any]:
 
 
 def test_shipped_file_is_the_table_at_its_defaults() -> None:
-    assert shipped_config().read_text() == default_config()
-    config = read_config(shipped_config())
+    assert default_parameter_file().read_text() == default_parameter_text()
+    config = read_parameter_file(default_parameter_file())
     for node, rows in PARAMETERS.items():
-        assert effective(config, node, "") == {row.name: row.default for row in rows}
+        assert values_of_node(config, node, "") == {row.name: row.default for row in rows}
 
 
 def test_shipped_schema_is_the_table_s() -> None:
-    schema = json.loads(shipped_config().with_name("schema.json").read_text())
-    assert schema == config_schema()
+    schema = json.loads(default_parameter_file().with_name("schema.json").read_text())
+    assert schema == parameter_file_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
-    jsonschema.validate(yaml.safe_load(shipped_config().read_text()), schema)
+    jsonschema.validate(yaml.safe_load(default_parameter_file().read_text()), schema)
 
 
 @pytest.mark.parametrize(
@@ -63,11 +63,11 @@ def test_file_that_no_node_could_start_with_is_refused_by_reader_and_schema(
     tmp_path: Path, config: dict[str, Any], complaint: str
 ) -> None:
     with pytest.raises(InputError) as caught:
-        read_config(written(tmp_path, yaml.safe_dump(config)))
+        read_parameter_file(written(tmp_path, yaml.safe_dump(config)))
     assert complaint in str(caught.value)
     assert "\n" not in str(caught.value)
     with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate(config, config_schema())
+        jsonschema.validate(config, parameter_file_schema())
 
 
 @pytest.mark.parametrize(
@@ -84,13 +84,13 @@ def test_file_that_no_node_could_start_with_is_refused_by_reader_and_schema(
 )
 def test_what_is_no_parameter_file_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
     with pytest.raises(InputError, match=r"default\.yaml") as caught:
-        read_config(written(tmp_path, text))
+        read_parameter_file(written(tmp_path, text))
     assert "\n" not in str(caught.value)
 
 
 def test_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"nowhere\.yaml"):
-        read_config(tmp_path / "nowhere.yaml")
+        read_parameter_file(tmp_path / "nowhere.yaml")
 
 
 @pytest.mark.parametrize(
@@ -109,22 +109,22 @@ def test_missing_file_is_named(tmp_path: Path) -> None:
 )
 def test_pattern_names_nodes_as_ros_reads_it(pattern: str, namespace: str, meant: bool) -> None:
     config = {pattern: {"ros__parameters": {"track": "johansson-nielsen"}}}
-    assert effective(config, "simulator_node", namespace) == ({"track": "johansson-nielsen"} if meant else {})
+    assert values_of_node(config, "simulator_node", namespace) == ({"track": "johansson-nielsen"} if meant else {})
 
 
 def test_later_lines_go_before_earlier_ones() -> None:
     config = parameters(track="bilbao", speeds="40") | {"/left/simulator_node": {"ros__parameters": {"speeds": "80"}}}
-    assert effective(config, "simulator_node", "left") == {"track": "bilbao", "speeds": "80"}
+    assert values_of_node(config, "simulator_node", "left") == {"track": "bilbao", "speeds": "80"}
 
 
 @pytest.mark.parametrize(
     ("value", "speeds"), [("40,80", [40, 80]), ([40, 80], [40, 80]), (60, [60]), ("20:40:10", [20, 30, 40])]
 )
 def test_lists_may_have_any_form_that_yaml_makes_of_them(value: Any, speeds: list[float]) -> None:
-    check("simulator_node", {"speeds": value})
-    assert settings_of_simulator({"speeds": value}).speeds_kmh == speeds
+    check_values("simulator_node", {"speeds": value})
+    assert settings_from_parameters({"speeds": value}).speeds_kmh == speeds
 
 
 def test_settings_that_cannot_be_simulated_are_refused_before_a_node_starts() -> None:
     with pytest.raises(InputError, match="fast"):
-        check("simulator_node", {"speeds": "fast"})
+        check_values("simulator_node", {"speeds": "fast"})
