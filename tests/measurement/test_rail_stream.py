@@ -141,7 +141,7 @@ def test_what_the_trolley_has_not_reached_is_awaited_and_then_comes():
 
 def test_nothing_yet_is_awaited():
     assert refused(RailStream()).awaited
-    assert RailStream().sections() == []
+    assert RailStream().stretches() == []
 
 
 def test_what_was_overwritten_is_gone_and_not_awaited():
@@ -156,7 +156,7 @@ def test_memory_does_not_grow():
     for first in range(5, 100, 5):
         stream.push(*zip(*samples(first, first + 5.0, 2e-3), strict=True))
     assert held_bytes(stream) == before < 4 * 8 * KEPT_M / STEP_M + 1
-    assert sum(len(section.chainage_m) for section in stream.sections()) <= KEPT_M / STEP_M
+    assert sum(len(stretch.chainage_m) for stretch in stream.stretches()) <= KEPT_M / STEP_M
 
 
 def held_bytes(stream: RailStream) -> int:
@@ -167,7 +167,7 @@ def held_bytes(stream: RailStream) -> int:
 
 def test_sections_part_at_gaps():
     track = [(x, z) for x, z in samples(0.0, 6.0, 2e-3) if not (1.0 < x < 1.5 or 3.0 < x < 3.005)]
-    first, second = streamed(track).sections()
+    first, second = streamed(track).stretches()
     assert (first.chainage_m[0], second.chainage_m[-1]) == (0.0, pytest.approx(6.0))
     assert first.chainage_m[-1] == pytest.approx(1.0, abs=2.1e-3)
     assert second.chainage_m[0] == pytest.approx(1.5, abs=2.1e-3)
@@ -177,9 +177,9 @@ def test_sections_part_at_gaps():
 
 def test_after_a_jump_of_the_chainage_the_rail_before_it_is_gone_but_a_stray_sample_takes_a_slot_only():
     stream = streamed(samples(0.0, 2.0), [(9e5 + 1.5, 0.0)])
-    assert [section.chainage_m[0] for section in stream.sections()] == pytest.approx([9e5 + 1.5])
+    assert [stretch.chainage_m[0] for stretch in stream.stretches()] == pytest.approx([9e5 + 1.5])
     stream.push(*zip(*samples(2.001, 2.1), strict=True))
-    assert [section.chainage_m[0] for section in stream.sections()] == [0.0]
+    assert [stretch.chainage_m[0] for stretch in stream.stretches()] == [0.0]
     cut(stream)
 
 

@@ -9,14 +9,22 @@ from hypothesis import strategies as st
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement.roughness import REFERENCE_M
-from weld_force_ros.measurement.synthetic_rail import BACK_M, SPACING_M, STEP_M, Batch, Handling, SyntheticRail, run
+from weld_force_ros.measurement.synthetic_rail import (
+    BACK_M,
+    SPACING_M,
+    STEP_M,
+    Handling,
+    SampleBatch,
+    SyntheticRail,
+    run,
+)
 from weld_force_ros.measurement.synthetic_welds import population
 
 SMOOTH_DB = -90.0
 EXACT = Handling(noise_m=0.0, jitter_m=0.0, overlap=0, turn_every_m=np.inf)
 
 
-def together(batches: list[Batch]) -> tuple[np.ndarray, np.ndarray]:
+def together(batches: list[SampleBatch]) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([b.chainage_m for b in batches]), np.concatenate([b.height_m for b in batches])
 
 

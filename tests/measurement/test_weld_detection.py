@@ -57,10 +57,10 @@ def test_what_a_stream_keeps_tells_the_same_as_the_whole_run(rail: tuple[np.ndar
     stream = RailStream()
     for first in range(0, len(x), 2000):
         stream.push(x[first : first + 2000], z[first : first + 2000])
-        (section,) = stream.sections()
-        until = section.chainage_m[-1] - SETTLED_M
+        (stretch,) = stream.stretches()
+        until = stretch.chainage_m[-1] - SETTLED_M
         known = settled[-1][0] if settled else -np.inf
-        found = detect(section.chainage_m, section.height_m)
+        found = detect(stretch.chainage_m, stretch.height_m)
         settled += [(w.centre_m, w.score) for w in found if known + APART_M < w.centre_m < until]
     # Before a stream has run for as long as the level is told from, it knows less of the roughness than it will.
     judged = RUNNING_M + SETTLED_M

@@ -1,4 +1,4 @@
-"""Measurement files and text -> `contract.WeldProfile`.
+"""Read and write measurement files: text -> `messages.WeldProfile`.
 
 Two forms are read: the CSV form, which states its own units and sign in `# key: value` lines, and plain columns of
 numbers, as trolleys and electronic straightedges export them, for which the user makes the same statements in a
@@ -9,7 +9,7 @@ Numbers are handled as exact decimals and the result is rounded to 1e-12 m, so t
 `profile_sha256` whatever units it was exported in. A file with `centre: 0` and `detrend: none` asks for no change; its
 values are kept to the last bit, which lets `write_profile` return any profile exactly.
 
-The bounds of `contract.profile_problem` are applied once, after conditioning: that is the geometry which is simulated,
+The bounds of `messages.profile_problem` are applied once, after conditioning: that is the geometry which is simulated,
 and an instrument's tilt, which may exceed 10 mm on its own, is no part of it.
 """
 
@@ -65,7 +65,7 @@ _REMEDIES = (  # by what `profile_problem` says
 
 @dataclass(frozen=True, kw_only=True)
 class PlainForm:
-    """What a plain file of numbers does not say about itself; what a file does say goes first.
+    """States what a plain file of numbers does not say about itself; what a file does say goes first.
 
     Attributes:
         x_unit: unit of the positions: m, cm, mm or um.
@@ -186,7 +186,7 @@ def _stated_number(statement: _Statement, key: str) -> float:
 
 
 def _statements(comments: list[Line], form: PlainForm) -> dict[str, _Statement]:
-    """What header and form state, checked; comments without a known key are free text."""
+    """Return what header and form state, checked; comments without a known key are free text."""
     stated: dict[str, _Statement] = {}
     for line in comments:
         key, colon, value = (part.strip() for part in line.text.lstrip("#").partition(":"))
@@ -234,7 +234,7 @@ def _check_choice(stated: Mapping[str, _Statement], key: str, choices: tuple[str
 
 
 def _samples(rows: list[Line], spacing: float | None, stated: Mapping[str, _Statement]) -> list[_Sample]:
-    """The numbers in m, z as reported."""
+    """Return the samples in m, z as reported."""
     names = ["x", "z"] if spacing is None else ["z"]
     numbers = read_columns(rows, names)
     if not numbers:
@@ -244,7 +244,9 @@ def _samples(rows: list[Line], spacing: float | None, stated: Mapping[str, _Stat
             f"{len(numbers)} samples, at most {MAX_SAMPLES}", "give one weld a file, at 0.1 mm or coarser"
         )
     if spacing is not None:
-        step = _spacing(spacing)
+        if not (math.isfinite(spacing) and spacing > 0):
+            raise ProfileError(f"spacing {spacing} is not a distance", "state the distance between samples in x_unit")
+        step = Decimal(str(spacing))
         numbers = [(line, [step * index, z]) for index, (line, (z,)) in enumerate(numbers)]
     return [
         _Sample(
@@ -256,12 +258,6 @@ def _samples(rows: list[Line], spacing: float | None, stated: Mapping[str, _Stat
     ]
 
 
-def _spacing(spacing: float) -> Decimal:
-    if not (math.isfinite(spacing) and spacing > 0):
-        raise ProfileError(f"spacing {spacing} is not a distance", "state the distance between samples in x_unit")
-    return Decimal(str(spacing))
-
-
 def _metres(value: Decimal, unit: str, name: str) -> Decimal:
     metres = value.scaleb(_POWER_OF_TEN[unit])
     if abs(metres) > _FARTHEST_M:
@@ -270,7 +266,7 @@ def _metres(value: Decimal, unit: str, name: str) -> Decimal:
 
 
 def _condition(samples: list[_Sample], stated: Mapping[str, _Statement]) -> tuple[list[float], list[float], list[str]]:
-    """Sign, centre and detrending; returns x_m, z_m and what was done."""
+    """Apply sign, centre and detrending; return x_m, z_m and what was done."""
     x_unit, z_unit, z_positive = (stated[key].text for key in _REQUIRED)
     z_sign = 1 if z_positive == "up" else -1
     x = [sample.x for sample in samples]
@@ -306,7 +302,7 @@ def _centre(x: list[Decimal], stated: Mapping[str, _Statement]) -> tuple[Decimal
 
 
 def _without_line(x: list[Decimal], z: list[Decimal]) -> tuple[list[Decimal], str]:
-    """The heights less the line between the two ends."""
+    """Return the heights less the line between the two ends, and what was done."""
     if len(x) < 2 or any(after <= before for before, after in itertools.pairwise(x)):
         return z, "not detrended"  # such positions are refused with the bounds
     run, rise = x[-1] - x[0], z[-1] - z[0]
@@ -342,24 +338,34 @@ def write_profile(profile: WeldProfile, path: Path) -> None:
     Raises:
         ProfileError: the profile breaks a bound, or the file cannot be written.
     """
-    text = _csv(profile)
-    if parse_profile(text, str(path)).profile_sha256 != profile.profile_sha256:
-        raise ProfileError(
-            f"{path}: profile_sha256 is not that of the samples", "take it from profile_sha256(x_m, z_m)"
-        )
+    text = profile_csv(profile, str(path))
     try:
         path.write_text(text, encoding="utf-8", newline="\n")
     except OSError as error:
         raise ProfileError(f"{path}: {error.strerror or error}", "give a path that can be written") from None
 
 
-def _csv(profile: WeldProfile) -> str:
+def profile_csv(profile: WeldProfile, source: str) -> str:
+    """Return a profile in the CSV form; it reads back with the same `profile_sha256`.
+
+    Args:
+        profile: as `write_profile` takes it.
+        source: where it goes, for messages.
+
+    Raises:
+        ProfileError: the profile breaks a bound.
+    """
     present = {key: value for key in (*_TEXTS, *_NUMBERS) if (value := getattr(profile, key)) is not UNSET}
     stated = present | {"x_unit": "mm", "z_unit": "um", "z_positive": "up", "detrend": "none", "centre": "0"}
     header = [f"# {key}: {_printable(str(value))}" for key, value in stated.items()]
     history = [f"# {_printable(step).replace(':', ' -')}" for step in profile.conditioning]
     rows = [f"{_shifted(x, 3)},{_shifted(z, 6)}" for x, z in zip(profile.x_m, profile.z_m, strict=True)]
-    return "\n".join([*header, *history, "x,z", *rows]) + "\n"
+    text = "\n".join([*header, *history, "x,z", *rows]) + "\n"
+    if parse_profile(text, source).profile_sha256 != profile.profile_sha256:
+        raise ProfileError(
+            f"{source}: profile_sha256 is not that of the samples", "take it from profile_sha256(x_m, z_m)"
+        )
+    return text
 
 
 def _printable(text: str) -> str:
@@ -367,12 +373,12 @@ def _printable(text: str) -> str:
 
 
 def _shifted(metres: float, power: int) -> str:
-    """Exactly the shortest decimal of a float, its point moved."""
+    """Return the shortest decimal of a float with its point moved, exactly."""
     return f"{Decimal(repr(float(metres))).scaleb(power):f}"
 
 
 def shipped() -> dict[str, Path]:
-    """Name and file of the profiles that come with the package, by name."""
+    """Return the files of the bundled profiles by name."""
     folder = Path(str(resources.files("weld_force_ros.data").joinpath("profiles")))
     return {path.stem: path for path in sorted(folder.glob("*.csv"))}
 
@@ -389,7 +395,7 @@ def shipped_profile(name: str) -> WeldProfile:
 
 
 def find(name_or_path: str | Path) -> Path:
-    """The file behind a shipped profile's name or a path; a shipped name goes first, `./name` is always a path.
+    """Return the file of a bundled profile's name, or of a path; a bundled name goes first, `./name` is always a path.
 
     Raises:
         ProfileError: neither a shipped profile nor an existing file; the message lists the names.

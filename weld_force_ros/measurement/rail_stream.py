@@ -1,6 +1,6 @@
-"""A measuring trolley's samples of a rail's running surface, as they come in, and windows cut out of them.
+"""Keep a measuring trolley's samples of a rail's running surface as they come in, and cut windows out of them.
 
-What is ordinary and how it is taken:
+Ordinary irregularities of such a stream are handled so:
 
 - A trolley reverses and passes a place again: the newest sample of a millimetre counts, and older ones left standing
   close between newer ones are dropped. Batches overlap: a sample sent again unchanged changes nothing.
@@ -34,11 +34,11 @@ _NEVER = -1
 
 @dataclass(frozen=True)
 class Window:
-    """A stretch of rail about a place, as a straightedge of its length reads it.
+    """The rail about a place, as a straightedge of the window's length reads it.
 
     Attributes:
-        chainage_m: of its centre.
-        x_m: (n,) from its centre, `STEP_M` apart.
+        chainage_m: of the window's centre.
+        x_m: (n,) from the centre, `STEP_M` apart.
         z_m: (n,) heights, positive up, zero at both ends.
         conditioning: what was done to the samples, in words.
     """
@@ -51,7 +51,7 @@ class Window:
 
 @dataclass(frozen=True)
 class Missing:
-    """Why a window cannot be cut.
+    """Says why a window cannot be cut.
 
     Attributes:
         reason: what is missing, and where.
@@ -65,8 +65,8 @@ class Missing:
 
 
 @dataclass(frozen=True)
-class Section:
-    """An unbroken stretch of what is kept: chainages on the grid of `STEP_M` and heights as measured, each (n,)."""
+class Stretch:
+    """Rail measured without a gap: chainages on the grid of `STEP_M` and heights as measured, each (n,)."""
 
     chainage_m: FloatArray
     height_m: FloatArray
@@ -106,9 +106,9 @@ class RailStream:
                 "send one height for every chainage",
             )
         for chainage, height in zip(chainages.tolist(), heights.tolist(), strict=True):
-            self._take(chainage, height)
+            self._push_sample(chainage, height)
 
-    def _take(self, chainage_m: float, height_m: float) -> None:
+    def _push_sample(self, chainage_m: float, height_m: float) -> None:
         if not (abs(chainage_m) <= _FURTHEST_M and abs(height_m) < np.inf):
             self.unusable += 1
             return
@@ -123,7 +123,7 @@ class RailStream:
         self._extent_m = (min(self._extent_m[0], chainage_m), max(self._extent_m[1], chainage_m))
 
     def window(self, centre_m: float, length_m: float = STRAIGHTEDGE_LENGTH_M) -> Window | Missing:
-        """The rail about a place, resampled and levelled; or what is missing of it.
+        """Return the rail about a place, resampled and levelled; or what is missing of it.
 
         Raises:
             InputError: a centre that is no chainage, or a length that is not between 20 steps and what is kept.
@@ -136,7 +136,7 @@ class RailStream:
         steps = round(length_m / STEP_M)
         x = STEP_M * (np.arange(steps + 1) - steps / 2)
         first_m, last_m = centre_m + x[0], centre_m + x[-1]
-        samples = self._about(first_m, last_m)
+        samples = self._between(first_m, last_m)
         missing = self._missing(samples.chainage_m, first_m, last_m)
         if missing:
             return missing
@@ -148,37 +148,37 @@ class RailStream:
         notes.append("straight line between the ends taken off")
         return Window(centre_m, x, z - np.interp(x, x[[0, -1]], z[[0, -1]]), tuple(notes))
 
-    def sections(self) -> list[Section]:
-        """What is kept, in order of chainage, parted at gaps longer than `LARGEST_GAP_M`."""
-        slots = np.flatnonzero((self._arrival != _NEVER) & self._near(self._cell))
+    def stretches(self) -> list[Stretch]:
+        """Return the rail that is kept, in order of chainage, divided at gaps longer than `LARGEST_GAP_M`."""
+        slots = np.flatnonzero((self._arrival != _NEVER) & self._is_kept(self._cell))
         slots = slots[np.argsort(self._chainage_m[slots])]
         gaps = np.flatnonzero(np.diff(self._chainage_m[slots]) > LARGEST_GAP_M + _ROUNDING_M)
         parts = [part for part in np.split(self._cell[slots], gaps + 1) if len(part)]
         return [_on_grid(self._in_cells(int(part[0]), int(part[-1]))) for part in parts]
 
-    def _about(self, first_m: float, last_m: float) -> _Samples:
-        """From the last sample at or before a place to the first one at or after another, as far as there are any."""
+    def _between(self, first_m: float, last_m: float) -> _Samples:
+        """Return the samples from the last one at or before `first_m` to the first one at or after `last_m`, if any."""
         kept = self._in_cells(round(first_m / STEP_M) - 2 * _REACH, round(last_m / STEP_M) + 2 * _REACH)
         begin = max(int(np.searchsorted(kept.chainage_m, first_m + _ROUNDING_M)) - 1, 0)
         end = int(np.searchsorted(kept.chainage_m, last_m - _ROUNDING_M)) + 1
         return _Samples(kept.chainage_m[begin:end], kept.height_m[begin:end], kept.dropped)
 
     def _in_cells(self, first: int, last: int) -> _Samples:
-        """Samples of neighbouring cells; none that a newer pass went over."""
+        """Return the samples of consecutive cells, without those that a newer pass went over."""
         cells = np.arange(first, last + 1)
         slots = cells % len(self._cell)
-        arrival = np.where((self._cell[slots] == cells) & self._near(cells), self._arrival[slots], _NEVER)
-        outdated = (arrival != _NEVER) & _outdated(arrival)
+        arrival = np.where((self._cell[slots] == cells) & self._is_kept(cells), self._arrival[slots], _NEVER)
+        outdated = (arrival != _NEVER) & _is_outdated(arrival)
         current = slots[(arrival != _NEVER) & ~outdated]
         return _Samples(self._chainage_m[current], self._height_m[current], int(outdated.sum()))
 
-    def _near(self, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether cells are within what is kept about the newest one: of rail farther away only remnants are left."""
-        near: NDArray[np.bool_] = np.abs(cells - self._newest) < len(self._cell)
-        return near
+    def _is_kept(self, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return whether cells lie within `KEPT_M` of the newest one: of rail farther away only remnants are left."""
+        kept: NDArray[np.bool_] = np.abs(cells - self._newest) < len(self._cell)
+        return kept
 
     def _missing(self, chainages_m: FloatArray, first_m: float, last_m: float) -> Missing | None:
-        """The first gap between two places that is too long to be bridged, or leaves an end uncovered."""
+        """Return the first gap between two places that is too long to be bridged, or leaves an end uncovered."""
         begins = np.any(chainages_m <= first_m + _ROUNDING_M)
         ends = np.any(chainages_m >= last_m - _ROUNDING_M)
         places = np.concatenate([[] if begins else [-np.inf], chainages_m, [] if ends else [np.inf]])
@@ -193,16 +193,16 @@ class RailStream:
         )
 
 
-def _outdated(arrival: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether samples came in on both sides, near enough to leave no gap, later than jitter explains."""
+def _is_outdated(arrival: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return whether newer samples lie on both sides, near enough to leave no gap, later than jitter explains."""
     around = np.pad(arrival, _REACH, constant_values=_NEVER)
     newest = sliding_window_view(around, _REACH).max(axis=1)
     later: NDArray[np.bool_] = np.minimum(newest[: len(arrival)], newest[-len(arrival) :]) > arrival + JITTER_SAMPLES
     return later
 
 
-def _on_grid(samples: _Samples) -> Section:
+def _on_grid(samples: _Samples) -> Stretch:
     first = np.ceil(samples.chainage_m[0] / STEP_M - 1e-6)
     last = np.floor(samples.chainage_m[-1] / STEP_M + 1e-6)
     grid = STEP_M * np.arange(first, last + 1)
-    return Section(grid, np.interp(grid, samples.chainage_m, samples.height_m))
+    return Stretch(grid, np.interp(grid, samples.chainage_m, samples.height_m))

@@ -29,7 +29,7 @@ _LONGEST_BANDS_LINES = 100  # of frequency, that the longest band's phases are m
 
 
 def rail_roughness(length_m: float, step_m: float, seed: int, level_db: float = 0.0) -> FloatArray:
-    """Heights in m, positive up, `step_m` apart from 0 to `length_m`, (n,): the limit's spectrum with random phases.
+    """Return heights in m, positive up, `step_m` apart from 0 to `length_m`, (n,): the limit's spectrum, random phases.
 
     Power is spread evenly over the wavenumbers of a band; there is none at waves over 1.12 m or under two steps.
 
@@ -57,13 +57,13 @@ def rail_roughness(length_m: float, step_m: float, seed: int, level_db: float = 
 
 
 def band_edges_per_m(wavelength_m: float) -> tuple[float, float]:
-    """Wavenumbers between which a one-third octave band lies, given its nominal middle (base ten, IEC 61260)."""
+    """Return the wavenumbers that bound a one-third octave band, given its nominal middle (base ten, IEC 61260)."""
     middle = 10 ** (round(-10 * np.log10(wavelength_m)) / 10)
     return float(middle * 10**-0.05), float(middle * 10**0.05)
 
 
 def _amplitudes_m(wavenumber_per_m: FloatArray) -> FloatArray:
-    """Of the sine at each wavenumber, (n,); the highest one there is has none, as its phase is not free."""
+    """Return amplitudes of the sine at each wavenumber, (n,); zero at the highest one, whose phase is not free."""
     power = np.zeros(len(wavenumber_per_m))
     for wavelength_m, level_db in {**CONTINUED_DB, **LIMIT_DB}.items():
         low, high = band_edges_per_m(wavelength_m)

@@ -16,7 +16,7 @@ STRAIGHTEDGE_LENGTH_M = 1.0
 
 
 def cosine_dip(x_m: Array, length_m: float, depth_m: float) -> Array:
-    """One full cosine wave as a dip about x = 0, zero elsewhere; a negative depth makes it a protrusion.
+    """Return one full cosine wave as a dip about x = 0, zero elsewhere; a negative depth makes it a protrusion.
 
     z = -depth/2 (1 + cos(2 pi x / length)) within half a length of 0.
     """
@@ -25,7 +25,7 @@ def cosine_dip(x_m: Array, length_m: float, depth_m: float) -> Array:
 
 
 def ramp(x_m: Array, start_m: float, end_m: float, height_m: float) -> Array:
-    """A half cosine wave from 0 at `start_m` to `height_m` at `end_m`, constant outside."""
+    """Return a half cosine wave from 0 at `start_m` to `height_m` at `end_m`, constant outside."""
     share = np.clip((x_m - start_m) / (end_m - start_m), 0.0, 1.0)
     return np.asarray(height_m / 2 * (1 - np.cos(np.pi * share)))
 
@@ -35,7 +35,7 @@ def _bump(x_m: Array, centre_m: float, length_m: float, height_m: float) -> Arra
 
 
 def weld_1_dip(x_m: Array) -> Array:
-    """Weld 1 (Fig. 9): a central dip of mixed scale, with components of 55, 25 and 16.5 cm wavelength.
+    """Return weld 1 (Fig. 9): a central dip of mixed scale, with components of 55, 25 and 16.5 cm wavelength.
 
     The positions of this and the other welds run from the start of the straightedge, 0 to 1 m.
     """
@@ -46,22 +46,22 @@ def weld_1_dip(x_m: Array) -> Array:
 
 
 def weld_2_rise_between_shrinkages(x_m: Array) -> Array:
-    """Weld 2 (Fig. 14): a central rise between two shrinkages, the first and larger one at 47 cm."""
+    """Return weld 2 (Fig. 14): a central rise between two shrinkages, the first and larger one at 47 cm."""
     return _bump(x_m, 0.47, 0.09, -0.10e-3) + _bump(x_m, 0.545, 0.10, 0.10e-3) + _bump(x_m, 0.62, 0.09, -0.06e-3)
 
 
 def weld_3_long_ground_dip(x_m: Array) -> Array:
-    """Weld 3 (Fig. 15): a long dip in the central ground zone between protrusions at the start and the end."""
+    """Return weld 3 (Fig. 15): a long dip in the central ground zone between protrusions at the start and the end."""
     return _bump(x_m, 0.16, 0.32, 0.14e-3) + _bump(x_m, 0.50, 0.66, -0.30e-3) + _bump(x_m, 0.85, 0.30, 0.12e-3)
 
 
 def weld_4_steep_ramp(x_m: Array) -> Array:
-    """Weld 4 (Fig. 18): a steep upward ramp at the beginning, then a long way down."""
+    """Return weld 4 (Fig. 18): a steep upward ramp at the beginning, then a long way down."""
     return ramp(x_m, 0.10, 0.20, 0.40e-3) - ramp(x_m, 0.25, 0.95, 0.40e-3)
 
 
 def weld_5_ramp_protrusion(x_m: Array) -> Array:
-    """Weld 5 (Fig. 19): an upward ramp at the beginning of a protrusion with small dips about the centre."""
+    """Return weld 5 (Fig. 19): an upward ramp at the beginning of a protrusion with small dips about the centre."""
     protrusion = ramp(x_m, 0.10, 0.25, 0.14e-3) - ramp(x_m, 0.70, 0.95, 0.14e-3)
     return (
         protrusion

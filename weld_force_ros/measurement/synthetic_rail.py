@@ -1,4 +1,4 @@
-"""A simulated measuring trolley on a synthetic rail: rough, with welds at known places, all from one seed."""
+"""Simulate a measuring trolley on a synthetic rail: rough, with welds at known places, all from one seed."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class PlacedWeld:
 
     @property
     def weld_id(self) -> str:
-        """Its name."""
+        """Name of the weld."""
         return self.weld.weld_id
 
 
@@ -74,7 +74,7 @@ class SyntheticRail:
         self._block = lru_cache(_KEPT_BLOCKS)(self._rough)
 
     def height_m(self, chainage_m: FloatArray) -> FloatArray:
-        """Height at places of the rail, positive up, (n,)."""
+        """Return heights at places of the rail, positive up, (n,)."""
         along_m = chainage_m - self.first_m
         height = self._roughness(along_m)
         if self.welds:
@@ -86,7 +86,7 @@ class SyntheticRail:
         return height
 
     def _roughness(self, along_m: FloatArray) -> FloatArray:
-        """Blocks that half overlap, faded by sine and cosine: the variance is the same everywhere."""
+        """Return the sum of blocks that half overlap, faded by sine and cosine: the variance is the same everywhere."""
         half_m = _BLOCK_M / 2
         height = np.zeros(len(along_m))
         number = np.floor(along_m / half_m).astype(np.int64)
@@ -94,7 +94,7 @@ class SyntheticRail:
             here = number == first
             for block in (first - 1, first):
                 within_m = along_m[here] - half_m * block
-                height[here] += np.sin(np.pi * within_m / _BLOCK_M) * _between_samples(self._block(block), within_m)
+                height[here] += np.sin(np.pi * within_m / _BLOCK_M) * _interpolated(self._block(block), within_m)
         return height
 
     def _rough(self, block: int) -> FloatArray:
@@ -102,8 +102,8 @@ class SyntheticRail:
         return rail_roughness(_BLOCK_M, STEP_M, seed, self._level_db)
 
 
-def _between_samples(heights_m: FloatArray, along_m: FloatArray) -> FloatArray:
-    """Heights `STEP_M` apart, joined by straight lines: `numpy.interp` would look at all of them each time."""
+def _interpolated(heights_m: FloatArray, along_m: FloatArray) -> FloatArray:
+    """Interpolate heights `STEP_M` apart by straight lines: `numpy.interp` would look at all of them each time."""
     before = np.clip((along_m / STEP_M).astype(np.int64), 0, len(heights_m) - 2)
     share = along_m / STEP_M - before
     between: FloatArray = heights_m[before] + share * (heights_m[before + 1] - heights_m[before])
@@ -112,7 +112,7 @@ def _between_samples(heights_m: FloatArray, along_m: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Handling:
-    """How the trolley is pushed, and what its instruments do.
+    """Motion of the trolley, and errors of its instruments.
 
     Attributes:
         speed_m_per_s: along its way.
@@ -134,8 +134,8 @@ class Handling:
 
 
 @dataclass(frozen=True)
-class Batch:
-    """Samples in the order measured.
+class SampleBatch:
+    """Samples that are sent together, in the order measured.
 
     Attributes:
         at_s: when the last one was measured, from the start of the run.
@@ -150,8 +150,8 @@ class Batch:
     weld: PlacedWeld | None
 
 
-def run(rail: SyntheticRail, seed: int, handling: Handling | None = None) -> Iterator[Batch]:
-    """The batches of a trolley that goes along a whole rail, a sample every `STEP_M` of its way.
+def run(rail: SyntheticRail, seed: int, handling: Handling | None = None) -> Iterator[SampleBatch]:
+    """Yield the batches of a trolley that goes along a whole rail, a sample every `STEP_M` of its way.
 
     Raises:
         InputError: a handling that gets the trolley nowhere.
@@ -166,8 +166,8 @@ def run(rail: SyntheticRail, seed: int, handling: Handling | None = None) -> Ite
     return _batches(rail, np.random.default_rng(seed), handling)
 
 
-def _batches(rail: SyntheticRail, generator: np.random.Generator, handling: Handling) -> Iterator[Batch]:
-    way = _Way(rail.length_m, handling.turn_every_m)
+def _batches(rail: SyntheticRail, generator: np.random.Generator, handling: Handling) -> Iterator[SampleBatch]:
+    way = _Route(rail.length_m, handling.turn_every_m)
     welds = {way.first_reached(placed.chainage_m - rail.first_m): placed for placed in rail.welds}
     again = (np.empty(0), np.empty(0))
     for first, last in _stops(way.steps, handling.speed_m_per_s * handling.batch_s, sorted(welds)):
@@ -178,10 +178,10 @@ def _batches(rail: SyntheticRail, generator: np.random.Generator, handling: Hand
         chainages, heights = np.concatenate([again[0], sent_m]), np.concatenate([again[1], height_m])
         again = (sent_m[count - min(handling.overlap, count) :], height_m[count - min(handling.overlap, count) :])
         if generator.random() >= handling.lost_share:
-            yield Batch(last * STEP_M / handling.speed_m_per_s, chainages, heights, welds.get(last))
+            yield SampleBatch(last * STEP_M / handling.speed_m_per_s, chainages, heights, welds.get(last))
 
 
-class _Way:
+class _Route:
     """The trolley's way in steps, back and forth along the rail."""
 
     def __init__(self, length_m: float, turn_every_m: float) -> None:
@@ -193,17 +193,17 @@ class _Way:
         self.steps = round(float(self._gone_m[-1]) / STEP_M)
 
     def along_m(self, steps: NDArray[np.int64]) -> FloatArray:
-        """Place along the rail after so many steps, (n,)."""
+        """Return the place along the rail after so many steps, (n,)."""
         return np.asarray(np.interp(STEP_M * steps, self._gone_m, self._places_m))
 
     def first_reached(self, along_m: float) -> int:
-        """The step at which a place is reached for the first time."""
+        """Return the step at which a place is reached for the first time."""
         turn = int(np.argmax(self._places_m >= along_m))
         return round(float(self._gone_m[turn] - (self._places_m[turn] - along_m)) / STEP_M)
 
 
 def _stops(steps: int, batch_m: float, wanted: list[int]) -> Iterator[tuple[int, int]]:
-    """First and last step of each batch; batches end at the `wanted` steps, too."""
+    """Yield first and last step of each batch; batches end at the `wanted` steps, too."""
     each = max(round(batch_m / STEP_M), 1)
     first = 0
     for last in sorted({*range(each - 1, steps, each), *wanted, steps}):

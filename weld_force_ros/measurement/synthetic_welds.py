@@ -41,7 +41,7 @@ class LogNormal:
     deviation: float
 
     def drawn(self, generator: np.random.Generator) -> float:
-        """One value."""
+        """Return one value."""
         return float(self.median * np.exp(self.deviation * generator.standard_normal()))
 
 
@@ -53,13 +53,13 @@ class Uniform:
     high: float
 
     def drawn(self, generator: np.random.Generator) -> float:
-        """One value."""
+        """Return one value."""
         return float(generator.uniform(self.low, self.high))
 
 
 @dataclass(frozen=True)
 class Statistics:
-    """What welds are drawn from; the parameters' meaning stands at `Parameters`."""
+    """The distributions that welds are drawn from; `Parameters` says what each parameter means."""
 
     amplitude_m: LogNormal
     wavelength_m: Uniform
@@ -94,7 +94,7 @@ SHORT_WAVELENGTH_M = Uniform(0.02, 0.10)
 
 @dataclass(frozen=True)
 class Parameters:
-    """What a weld was made with.
+    """Parameters of a synthetic weld.
 
     Attributes:
         making: what it was made as.
@@ -132,7 +132,7 @@ class SyntheticWeld:
 
 
 def population(count: int, seed: int) -> Iterator[SyntheticWeld]:
-    """Synthetic welds; weld k of a seed is the same in a population of any size.
+    """Yield synthetic welds; weld k of a seed is the same in a population of any size.
 
     Raises:
         InputError: a negative count or seed.
@@ -143,7 +143,7 @@ def population(count: int, seed: int) -> Iterator[SyntheticWeld]:
 
 
 def without_short_waves(weld: SyntheticWeld) -> SyntheticWeld:
-    """The same weld, as a grinder that leaves no waves would have left it."""
+    """Return the same weld as a grinder that leaves no waves would have left it."""
     smooth = replace(weld.parameters, roughness_m=0.0)
     return replace(weld, z_m=_long_waves(weld.x_m, smooth), parameters=smooth)
 
@@ -186,7 +186,7 @@ def _long_waves(x: Array, p: Parameters) -> Array:
 
 
 def _short_waves(x: Array, generator: np.random.Generator) -> Array:
-    """Waves of equal amplitude with an expected RMS of 1, faded to zero at both ends."""
+    """Return waves of equal amplitude with an expected RMS of 1, faded to zero at both ends."""
     wavelengths = generator.uniform(SHORT_WAVELENGTH_M.low, SHORT_WAVELENGTH_M.high, _SHORT_WAVES)
     phases = generator.uniform(0, 2 * np.pi, _SHORT_WAVES)
     waves = np.sin(2 * np.pi * x[:, None] / wavelengths + phases).sum(axis=1) * np.sqrt(2 / _SHORT_WAVES)

@@ -1,4 +1,4 @@
-"""Columns of numbers in measurement files: encoding, lines, delimiters and decimal marks.
+"""Read columns of numbers in measurement files: encoding, lines, delimiters and decimal marks.
 
 Numbers become exact decimals. What is not unambiguous is refused, and messages name the line; the caller adds the file.
 """
@@ -25,12 +25,12 @@ class Line(NamedTuple):
 
     @property
     def is_comment(self) -> bool:
-        """Whether it is a header or comment line rather than a row."""
+        """True for a header or comment line, false for a row."""
         return self.text.startswith("#")
 
 
 def decoded(raw: bytes) -> str:
-    """The text of a file.
+    """Return the text of a file.
 
     Raises:
         ProfileError: empty, binary, not UTF-8, or larger than `MAX_FILE_BYTES`.
@@ -49,7 +49,7 @@ def decoded(raw: bytes) -> str:
 
 
 def lines_of(text: str, skip_rows: int) -> list[Line]:
-    """The lines that hold something, after the first `skip_rows`.
+    """Return the lines that hold something, after the first `skip_rows`.
 
     Raises:
         ProfileError: a blank line within the rows, where samples may be missing; a negative `skip_rows`; more lines
@@ -72,7 +72,7 @@ def lines_of(text: str, skip_rows: int) -> list[Line]:
 
 
 def read_columns(rows: list[Line], names: list[str]) -> list[tuple[int, list[Decimal]]]:
-    """The numbers of each row with the row's line number; a first row that holds the names is left out.
+    """Return the numbers of each row with the row's line number; a first row that holds the names is left out.
 
     Args:
         rows: the file's lines without comments.
@@ -97,7 +97,7 @@ def read_columns(rows: list[Line], names: list[str]) -> list[tuple[int, list[Dec
 
 
 def _delimiter(first_row: str) -> str | None:
-    """Semicolon, tab or comma; None for spaces. Spaces win over commas that can only be decimal marks."""
+    """Return semicolon, tab or comma; None for spaces. Spaces win over commas that can only be decimal marks."""
     for delimiter in (";", "\t"):
         if delimiter in first_row:
             return delimiter
@@ -136,7 +136,7 @@ def _remedy_for_columns(found: int, expected: int) -> str:
 
 
 def number(text: str, name: str) -> Decimal:
-    """The finite decimal number that a text holds; `name` says in messages where.
+    """Return the finite decimal number that a text holds; `name` says in messages where.
 
     Raises:
         ProfileError: not a number, or not a finite one.
@@ -152,5 +152,5 @@ def number(text: str, name: str) -> Decimal:
 
 
 def quoted(text: str) -> str:
-    """A foreign text for a message: on one line and short."""
+    """Return a foreign text for a message: on one line and short."""
     return repr(text if len(text) <= 40 else text[:40] + "…")

@@ -1,4 +1,4 @@
-"""Welds in a stretch of running surface: places that stand out of the roughness about them.
+"""Detect welds in a stretch of running surface: places that stand out of the roughness about them.
 
 The heights are filtered by wavelets of several lengths, fourth derivatives of a Gaussian, that answer to dips and
 protrusions from about `SHORTEST_M` to `LONGEST_M` long and to no slope or long curve. Each answer is measured in
@@ -39,8 +39,8 @@ _MEDIAN_SIZE = float(norm.ppf(0.75))  # of a normal variable, in standard deviat
 
 
 @dataclass(frozen=True)
-class Found:
-    """A weld found.
+class DetectedWeld:
+    """A weld detected in the rail.
 
     Attributes:
         centre_m: where it stands out, in the stretch's own chainage.
@@ -51,8 +51,8 @@ class Found:
     score: float
 
 
-def detect(x_m: ArrayLike, z_m: ArrayLike) -> list[Found]:
-    """Welds in a stretch of rail, in order of their places, no two nearer than `APART_M`.
+def detect(x_m: ArrayLike, z_m: ArrayLike) -> list[DetectedWeld]:
+    """Return the welds in a stretch of rail, in order of their places, no two nearer than `APART_M`.
 
     In a stream, those within `SETTLED_M` of the stretch's end may still move. Short of `LEAST_M` nothing is found.
 
@@ -70,11 +70,11 @@ def detect(x_m: ArrayLike, z_m: ArrayLike) -> list[Found]:
     grid = _GRID_M * np.arange(np.ceil(x[0] / _GRID_M - 1e-6), np.floor(x[-1] / _GRID_M + 1e-6) + 1)
     score = scores(grid, np.interp(grid, x, z))
     peaks, _ = find_peaks(score, height=THRESHOLD, distance=round(APART_M / _GRID_M))
-    return [Found(_centre_m(grid, score, int(peak)), float(score[peak])) for peak in peaks]
+    return [DetectedWeld(_centre_m(grid, score, int(peak)), float(score[peak])) for peak in peaks]
 
 
 def scores(grid_m: FloatArray, z_m: FloatArray) -> FloatArray:
-    """How much each place of a grid stands out, in standard deviations, (n,)."""
+    """Return by how many standard deviations each place of a grid stands out, (n,)."""
     standing_out: FloatArray = np.max([_standing_out(grid_m, z_m, float(sigma_m)) for sigma_m in _SIGMAS_M], axis=0)
     return standing_out
 
@@ -90,7 +90,7 @@ def _standing_out(grid_m: FloatArray, z_m: FloatArray, sigma_m: float) -> FloatA
 
 
 def _running_level(grid_m: FloatArray, answer: FloatArray, edge: int) -> FloatArray:
-    """Standard deviation of answers over the metres before each place, (n,), steady from hop to hop."""
+    """Return the standard deviation of answers over the metres before each place, (n,), constant from hop to hop."""
     hop = np.floor(grid_m / _HOP_M + 1e-6).astype(np.int64)
     running = round(RUNNING_M / _GRID_M)
     levels = []
@@ -102,7 +102,7 @@ def _running_level(grid_m: FloatArray, answer: FloatArray, edge: int) -> FloatAr
 
 
 def _centre_m(grid_m: FloatArray, score: FloatArray, peak: int) -> float:
-    """Middle of what stands out at least half as much as the peak, within half the least distance."""
+    """Return the middle of what stands out at least half as much as the peak, within half the least distance."""
     half = round(APART_M / 2 / _GRID_M)
     near = slice(max(peak - half, 0), peak + half + 1)
     weight = np.where(score[near] >= max(score[peak] / 2, THRESHOLD), score[near], 0.0)
@@ -116,6 +116,6 @@ def _checked(x_m: ArrayLike, z_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
     if not (shaped and bool(np.all((steps > 0) & (steps <= _GRID_M + 1e-7)))):
         raise InputError(
             "the stretch is not of finite heights at chainages that increase by 5 mm at most",
-            "take stretches without gaps, as the stream's sections are",
+            "take stretches without gaps, as the stream's are",
         )
     return x, z

@@ -18,7 +18,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from weld_force_ros.errors import InputError, MessageError
-from weld_force_ros.measurement.live_capture import LiveRail
+from weld_force_ros.measurement.live_capture import LiveCapture
 from weld_force_ros.measurement.rail_stream import STEP_M
 from weld_force_ros.messages import MAX_MESSAGE_BYTES, TOPICS, Message, RailSurface, WeldMarker
 from weld_force_ros.ros import point_cloud, qos
@@ -54,13 +54,13 @@ class TrolleyInput:
         self._here_m: float | None = None
         self._malformed = 0
         self._last_problem = ""
-        self._live = LiveRail(
+        self._live = LiveCapture(
             folder,
             rail=values["rail"] or None,
             detect=values["detect_welds"],
             marker_offset_m=values["marker_offset_m"],
             mark_timeout_s=values["mark_timeout_s"],
-            refuse=topics.reject,
+            reject=topics.reject,
             announce=node.get_logger().info,
         )
         self._worker: Worker[Callable[[], None]] = Worker(
@@ -142,7 +142,7 @@ class TrolleyInput:
         incoming = self._topics.receive(RailSurface, serialized)
         surface = self._topics.decode_or_reject(RailSurface, incoming)
         if surface is not None:
-            self._live.take(surface)
+            self._live.push(surface)
             self._note_place()
 
     def _take_points(self, cdr: bytes) -> None:
@@ -160,7 +160,7 @@ class TrolleyInput:
                 f"{point_cloud.TOPIC}: x as float32 tells chainages here to {coarseness_m * 1e3:.2g} mm only; "
                 "publish x as float64, or chainages from a nearer origin"
             )
-        self._live.take_samples(chainage_m, height_m)
+        self._live.push_samples(chainage_m, height_m)
         self._note_place()
 
     def _report_and_log_once(self, problem: str) -> None:
@@ -209,7 +209,7 @@ class TrolleyInput:
 
     def _look(self) -> None:
         if self._node.active and not self.pending:
-            self._worker.put(self._live.look)
+            self._worker.put(self._live.check_marks)
 
 
 def _cloud(cdr: bytes) -> PointCloud2:

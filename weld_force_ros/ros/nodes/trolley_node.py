@@ -10,7 +10,7 @@ from std_srvs.srv import Trigger
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement import synthetic_rail
-from weld_force_ros.measurement.synthetic_rail import Batch, Handling, PlacedWeld, SyntheticRail
+from weld_force_ros.measurement.synthetic_rail import Handling, PlacedWeld, SampleBatch, SyntheticRail
 from weld_force_ros.messages import TOPICS, RailSurface, WeldMarker
 from weld_force_ros.ros import point_cloud, qos
 from weld_force_ros.ros.contract_topics import ContractTopics
@@ -117,7 +117,7 @@ class TrolleyNode(LifecycleNodeBase):
                 return False
         return not self._stopped.wait(max(due_s - time.monotonic(), 0.0))
 
-    def _send(self, batch: Batch) -> None:
+    def _send(self, batch: SampleBatch) -> None:
         if self._form == "points":
             self._points.publish(point_cloud.cloud_of(batch.chainage_m, batch.height_m))
             return
