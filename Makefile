@@ -17,6 +17,9 @@ lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	@if command -v npm > /dev/null; then \
+	  npm install --no-package-lock --no-audit --no-fund --silent && npm run --silent types; \
+	else echo "lint: no npm on PATH; the pages' JavaScript is not checked" >&2; fi
 
 bench: $(READY)
 	$(BIN)/weld-force bench

@@ -1,16 +1,25 @@
 // A campaign's summary: decisions, forces, the network by groups and along its chainage, and the worst welds.
 
+/** @type {CampaignFacts} */
 const found = embeddedJson("facts");
+/** @type {CampaignRow[]} */
 const worstRows = embeddedJson("rows");
-const content = document.getElementById("content");
+const content = byId("content");
+/** @type {Record<string, string>} */
 const DECISION_COLOURS = {accept: COLOURS.green, grind: "#8a5300", reject: "#a81e22", undecided: "#53429c"};
 const inOrder = Object.keys(DECISION_COLOURS).sort((a, b) => decisionOf(b).order - decisionOf(a).order);
+/** @param {number} value */
 const whole = (value) => value.toLocaleString("en-GB").replaceAll(",", " ");
 
+/**
+ * @param {string} title
+ * @param {...(Child | Child[])} children
+ */
 const card = (title, ...children) => element("section", {class: "card", "aria-label": title}, element("h2", {}, title), ...children);
 
 function chips() {
   const verdicts = found.decisions.reduce((sum, row) => sum + row.n, 0);
+  /** @type {(sign: HTMLElement, count: number, share: string) => HTMLElement} */
   const chip = (sign, count, share) => element("div", {class: "chip"}, sign, element("span", {class: "number"}, whole(count)),
     element("span", {class: "small"}, share));
   const decided = [...found.decisions].sort((a, b) => decisionOf(a.decision).order - decisionOf(b.decision).order);
@@ -21,29 +30,33 @@ function chips() {
 
 function banner() {
   if (!found.unverified) return;
-  const holder = document.getElementById("banner");
+  const holder = byId("banner");
   holder.hidden = false;
   holder.append(element("p", {}, unverifiedTag(), ` ${found.unverified} of ${found.limits} limits were not checked against their sources.`));
 }
 
 // --- groups -----------------------------------------------------------------------------------------------------------
 
+/** @param {CampaignGroup} group */
 function shareBar({n: count, decisions, name}) {
   const words = inOrder.filter((d) => decisions[d]).map((d) => `${decisionOf(d).label} ${percent(decisions[d] / count)}`).join(", ");
   return element("div", {class: "share", role: "img", "aria-label": `${name}: ${words}`, title: words},
     inOrder.filter((d) => decisions[d]).map((d) => {
       const part = element("span", {class: d});
-      part.style.flexGrow = decisions[d];
+      part.style.flexGrow = String(decisions[d]);
       return part;
     }));
 }
 
+/** @param {CampaignFacts["groups"][number]} group */
 function groupTable({by, rows}) {
+  /** @param {string} text */
   const right = (text) => element("td", {class: "right"}, text);
+  /** @param {CampaignGroup} group */
   const line = (group) => element("tr", {},
     element("th", {scope: "row"}, group.name), right(whole(group.n)), element("td", {}, shareBar(group)),
     inOrder.map((d) => right(group.decisions[d] ? percent(group.decisions[d] / group.n) : "–")),
-    ["median_n", "high_n", "most_n"].map((which) => right(kilonewtons(group[which]))));
+    [group.median_n, group.high_n, group.most_n].map((force) => right(kilonewtons(force))));
   const headings = ["Verdicts", "Decisions", ...inOrder.map((d) => decisionOf(d).label), "Median peak", "95 % below", "Highest"];
   return card(`By ${by}`, element("div", {class: "scroll"}, element("table", {},
     element("thead", {}, element("tr", {}, element("th", {scope: "col"}, by[0].toUpperCase() + by.slice(1)),
@@ -53,6 +66,7 @@ function groupTable({by, rows}) {
 
 // --- charts -----------------------------------------------------------------------------------------------------------
 
+/** @param {HTMLElement} holder */
 function drawForces(holder) {
   const traces = inOrder.map((decision) => {
     const rows = found.forces.filter((row) => row.decision === decision);
@@ -63,6 +77,10 @@ function drawForces(holder) {
   return draw(holder, traces, layout({title: "peak force, kN"}, {title: "verdicts"}, {barmode: "stack"}), false);
 }
 
+/**
+ * @param {HTMLElement} holder
+ * @param {CampaignLine} line
+ */
 function drawAlong(holder, line) {
   const at = line.peaks_kn[0].map((_, i) => (line.first_m + (i + 0.5) * line.stretch_m) / 1e3);
   const trace = {type: "heatmap", x: at, y: line.speeds_kmh, z: line.peaks_kn, colorscale: "Viridis", hoverongaps: false,
@@ -74,6 +92,7 @@ function drawAlong(holder, line) {
 // --- worst ------------------------------------------------------------------------------------------------------------
 
 function worstTable() {
+  /** @type {[heading: string, cell: (row: CampaignRow) => Child, side?: string][]} */
   const columns = [["Weld", (r) => r.weld_id], ["Decision", (r) => badge(r.decision)],
     ["Line", (r) => r.line], ["Section, vehicle", (r) => `${r.section}, ${r.vehicle}`],
     ["km", (r) => (r.chainage_m === undefined ? "" : (r.chainage_m / 1e3).toFixed(3)), "right"], ["Rail", (r) => r.rail ?? ""],
@@ -95,15 +114,15 @@ function rejectionTable() {
 }
 
 const forces = element("div", {class: "chart"});
-const lines = found.lines.map((line) => [line, element("div", {class: "chart"})]);
+const lines = found.lines.map((line) => ({line, holder: element("div", {class: "chart"})}));
 banner();
 content.append(...[
   chips(),
   card("Peak forces", forces),
-  ...lines.map(([line, holder]) => card(`Along ${line.line || "the line"}: greatest peak force by chainage and speed`, holder)),
+  ...lines.map(({line, holder}) => card(`Along ${line.line || "the line"}: greatest peak force by chainage and speed`, holder)),
   worstTable(),
   ...found.groups.map(groupTable),
   rejectionTable(),
-].filter(Boolean));
+].filter(isShown));
 drawForces(forces);
-for (const [line, holder] of lines) drawAlong(holder, line);
+for (const {line, holder} of lines) drawAlong(holder, line);

@@ -1,26 +1,33 @@
 // Which part of the page is shown: the table, one weld (#weld-3), or all of them as on paper (#print).
 
+/** @type {PageFacts} */
 const given = embeddedJson("facts");
 const source = given.live ? liveSource : embeddedSource;
-const front = document.getElementById("front");
-const one = document.getElementById("weld");
-const all = document.getElementById("all");
+const front = byId("front");
+const one = byId("weld");
+const all = byId("all");
 const table = new FrontTable(front, given.live, given.newest);
 
-const viewport = document.querySelector("meta[name=viewport]");
+const viewport = /** @type {HTMLMetaElement} */ (document.querySelector("meta[name=viewport]"));
 
 const PAPER_PX = 900;
 
 let scrolled = 0;
+/** @type {number | null} */
 let opened = null;
 let turn = 0;
 
+/** @param {unknown} error */
+const messageOf = (error) => (error instanceof Error ? error.message : String(error));
+
 const wanted = () => Number(/^#weld-(\d+)$/.exec(location.hash)?.[1] ?? 0);
 
+/** @param {HTMLElement} part */
 function showOnly(part) {
   for (const other of [front, one, all]) other.hidden = other !== part;
 }
 
+/** @param {HTMLElement} holder */
 function clear(holder) {
   if (window.Plotly) for (const drawn of holder.querySelectorAll(".js-plotly-plot")) window.Plotly.purge(drawn);
   holder.replaceChildren();
@@ -38,6 +45,7 @@ function showFront() {
   }
 }
 
+/** @param {number} n */
 async function showWeld(n) {
   const row = table.rows.get(n);
   if (!row) {
@@ -56,18 +64,20 @@ async function showWeld(n) {
   try {
     const built = weldSection(row, await source.detail(n), false);
     if (mine !== turn) return;
-    one.lastChild.replaceWith(built.section);
+    one.lastChild?.replaceWith(built.section);
     built.heading.focus({preventScroll: true});
     await built.draw();
   } catch (error) {
     if (mine !== turn) return;
-    one.append(element("p", {class: "banner", role: "alert"}, `This weld cannot be shown: ${error.message}`));
+    one.append(element("p", {class: "banner", role: "alert"}, `This weld cannot be shown: ${messageOf(error)}`));
   }
 }
 
+/** @param {number} n */
 function barOf(n) {
   const shown = table.shown().map((row) => row.n);
   const at = shown.indexOf(n);
+  /** @type {(text: string, to: number | undefined) => HTMLElement} */
   const step = (text, to) => (to === undefined
     ? element("span", {class: "button", "aria-disabled": "true"}, text)
     : element("a", {class: "button", href: `#weld-${to}`}, text));
@@ -93,7 +103,7 @@ async function showAll() {
       all.append(built.section);
       await built.draw();
     } catch (error) {
-      all.append(element("p", {class: "banner"}, `${row.weld} cannot be shown: ${error.message}`));
+      all.append(element("p", {class: "banner"}, `${row.weld} cannot be shown: ${messageOf(error)}`));
     }
   }
   document.body.dataset.printed = "ready";
@@ -118,7 +128,7 @@ function route() {
 
 function showBanner() {
   const rows = [...table.rows.values()].filter((row) => row.unverified);
-  const banner = document.getElementById("banner");
+  const banner = byId("banner");
   banner.hidden = rows.length === 0;
   if (!rows.length) return;
   banner.replaceChildren(element("p", {}, element("strong", {}, "Limits not verified. "),
@@ -132,7 +142,7 @@ source.start((rows) => {
   showBanner();
   if (waited) route();
 }, (state) => {
-  const status = document.getElementById("live");
+  const status = byId("live");
   if (status.textContent !== state) status.textContent = state;
   status.classList.toggle("lost", state !== "live");
 });
@@ -140,7 +150,7 @@ source.start((rows) => {
 window.addEventListener("hashchange", route);
 window.addEventListener("beforeprint", () => {
   for (const details of document.querySelectorAll("details")) details.open = true;
-  for (const drawn of one.querySelectorAll(".js-plotly-plot")) window.Plotly.Plots.resize(drawn);
+  for (const drawn of one.querySelectorAll(".js-plotly-plot")) window.Plotly?.Plots.resize(drawn);
 });
 route();
 // When it could be used, for whoever measures.

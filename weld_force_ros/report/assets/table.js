@@ -1,9 +1,19 @@
 // The front table: one row a weld; sorted by any column, filtered by decision and by text.
 
+/** @param {Row} row */
 const ratioOf = (row) => (row.worst ? row.worst.ratio ?? Infinity : -1);
+/**
+ * @param {(row: Row) => string} pick
+ * @returns {(a: Row, b: Row) => number}
+ */
 const byText = (pick) => (a, b) => pick(a).localeCompare(pick(b), "en", {numeric: true});
+/**
+ * @param {(row: Row) => number} pick
+ * @returns {(a: Row, b: Row) => number}
+ */
 const byNumber = (pick) => (a, b) => pick(a) - pick(b);
 
+/** @type {{id: string, heading: string, falling?: boolean, compare: (a: Row, b: Row) => number}[]} */
 const COLUMNS = [
   {id: "n", heading: "No.", compare: byNumber((row) => row.n)},
   {id: "decision", heading: "Decision",
@@ -16,18 +26,23 @@ const COLUMNS = [
 ];
 
 class FrontTable {
+  /**
+   * @param {HTMLElement} holder
+   * @param {boolean} live
+   * @param {number | null} newest
+   */
   constructor(holder, live, newest) {
     this.newest = newest ?? Infinity;
+    /** @type {Map<number, Row>} */
     this.rows = new Map();
+    /** @type {Map<number, HTMLElement>} */
     this.lines = new Map();
+    /** @type {string | null} */
     this.decision = null;
+    /** @type {string[]} */
     this.words = [];
     this.column = live ? COLUMNS[0] : COLUMNS[1];
     this.falling = live;
-    this.build(holder);
-  }
-
-  build(holder) {
     this.chips = element("div", {class: "chips", role: "group", "aria-label": "Show only one decision"});
     this.search = element("input", {id: "search", type: "search", autocomplete: "off", spellcheck: "false"});
     this.search.addEventListener("input", () => {
@@ -35,7 +50,7 @@ class FrontTable {
       this.show();
     });
     this.order = element("select", {id: "order"}, ...COLUMNS.map((c) => element("option", {value: c.id}, c.heading)));
-    this.order.addEventListener("change", () => this.sortBy(COLUMNS.find((c) => c.id === this.order.value)));
+    this.order.addEventListener("change", () => this.sortBy(COLUMNS[this.order.selectedIndex]));
     this.direction = element("button", {type: "button", class: "button"}, "Reverse");
     this.direction.addEventListener("click", () => this.sortBy(this.column));
     this.heads = COLUMNS.map((column) => {
@@ -63,6 +78,7 @@ class FrontTable {
     );
   }
 
+  /** @param {Row[]} rows */
   add(rows) {
     for (const row of rows) {
       this.rows.set(row.n, row);
@@ -81,6 +97,7 @@ class FrontTable {
     }
   }
 
+  /** @param {typeof COLUMNS[number]} column */
   sortBy(column) {
     this.falling = column === this.column ? !this.falling : Boolean(column.falling);
     this.column = column;
@@ -98,9 +115,9 @@ class FrontTable {
 
   show() {
     const shown = this.shown();
-    const focused = this.body.contains(document.activeElement) ? document.activeElement : null;
-    this.place(shown.map((row) => this.lines.get(row.n)));
-    if (focused?.isConnected) focused.focus({preventScroll: true});
+    const {activeElement} = document;
+    this.place(shown.flatMap((row) => this.lines.get(row.n) ?? []));
+    if (activeElement instanceof HTMLElement && this.body.contains(activeElement)) activeElement.focus({preventScroll: true});
     this.heads.forEach((head, i) => {
       if (COLUMNS[i] === this.column) head.setAttribute("aria-sort", this.falling ? "descending" : "ascending");
       else head.removeAttribute("aria-sort");
@@ -110,8 +127,12 @@ class FrontTable {
     this.showChips();
   }
 
-  // Lines that are in their place stay untouched: laid out anew, two thousand take seconds.
+  /**
+   * Lines that are in their place stay untouched: laid out anew, two thousand take seconds.
+   * @param {HTMLElement[]} lines
+   */
   place(lines) {
+    /** @type {Set<Element>} */
     const wanted = new Set(lines);
     for (const line of [...this.body.children]) if (!wanted.has(line)) line.remove();
     let there = this.body.firstChild;
@@ -122,11 +143,13 @@ class FrontTable {
   }
 
   showChips() {
+    /** @type {Map<string, number>} */
     const counts = new Map();
     for (const {decision} of this.rows.values()) counts.set(decision, (counts.get(decision) ?? 0) + 1);
-    const had = this.chips.contains(document.activeElement) ? document.activeElement.dataset.decision : null;
+    const {activeElement} = document;
+    const had = activeElement instanceof HTMLElement && this.chips.contains(activeElement) ? activeElement.dataset.decision : undefined;
     const known = [...counts.keys()].sort((a, b) => decisionOf(a).order - decisionOf(b).order);
-    this.chips.replaceChildren(...["", ...known].map((decision) => {
+    const chips = ["", ...known].map((decision) => {
       const label = decision ? badge(decision) : element("span", {class: "badge all"}, "All");
       const count = element("span", {class: "number"}, String(decision ? counts.get(decision) : this.rows.size));
       const pressed = (this.decision ?? "") === decision;
@@ -138,15 +161,18 @@ class FrontTable {
         this.show();
       });
       return chip;
-    }));
-    if (had !== null) this.chips.querySelector(`[data-decision="${had}"]`)?.focus();
+    });
+    this.chips.replaceChildren(...chips);
+    if (had !== undefined) chips.find((chip) => chip.dataset.decision === had)?.focus();
   }
 
+  /** @param {number} n */
   focusOn(n) {
-    this.lines.get(n)?.querySelector("a").focus({preventScroll: true});
+    this.lines.get(n)?.querySelector("a")?.focus({preventScroll: true});
   }
 }
 
+/** @param {Row} row */
 function textOf(row) {
   row.text ??= [
     row.weld, row.rail, decisionOf(row.decision).label, row.advice, row.worst && criterionName(row.worst.name),
@@ -155,7 +181,12 @@ function textOf(row) {
   return row.text;
 }
 
+/** @param {Row} row */
 function rowLine(row) {
+  /**
+   * @param {string} id
+   * @param {...Child} children
+   */
   const cell = (id, ...children) => element("td", {class: `c-${id}`}, ...children);
   const line = element(
     "tr", {},
@@ -168,16 +199,21 @@ function rowLine(row) {
     cell("advice", row.advice),
   );
   line.addEventListener("click", (event) => {
-    if (!event.target.closest("a") && !String(window.getSelection())) location.hash = `weld-${row.n}`;
+    if (event.target instanceof Element && !event.target.closest("a") && !String(window.getSelection())) location.hash = `weld-${row.n}`;
   });
   return line;
 }
 
+/** @param {Row} row */
 function place(row) {
   const parts = [row.rail, row.chainage_m !== undefined && `km ${(row.chainage_m / 1000).toFixed(3)}`].filter(Boolean);
   return parts.length ? element("span", {class: "small block"}, parts.join(" · ")) : null;
 }
 
+/**
+ * @param {Row} row
+ * @returns {Child[]}
+ */
 function worstCell({worst}) {
   if (!worst) return ["–"];
   return [
@@ -188,15 +224,23 @@ function worstCell({worst}) {
   ];
 }
 
-// How far a value goes towards its limit, the mark, and beyond.
+/**
+ * How far a value goes towards its limit, the mark, and beyond.
+ * @param {number} ratio
+ * @param {boolean} passed
+ */
 function bar(ratio, passed) {
-  const meter = element("span", {class: `meter ${passed ? "within" : "beyond"}`, "aria-hidden": "true"}, element("span"));
-  meter.firstChild.style.width = `${Math.min(100, Math.max(0, ratio) * 50)}%`;
-  return meter;
+  const filled = element("span");
+  filled.style.width = `${Math.min(100, Math.max(0, ratio) * 50)}%`;
+  return element("span", {class: `meter ${passed ? "within" : "beyond"}`, "aria-hidden": "true"}, filled);
 }
 
+/**
+ * @param {Row} row
+ * @returns {Child[]}
+ */
 function permittedCell(row) {
-  if (row.permitted_kmh === undefined) return ["–"];
+  if (row.permitted_kmh === undefined || row.judged_kmh === undefined) return ["–"];
   if (row.permitted_kmh === 0) return [element("strong", {class: "over"}, "none")];
   if (row.permitted_kmh >= row.judged_kmh) return [kmh(row.judged_kmh), element("span", {class: "small block"}, "all speeds judged")];
   return [element("strong", {}, kmh(row.permitted_kmh)), element("span", {class: "small block"}, `of ${kmh(row.judged_kmh)}`)];

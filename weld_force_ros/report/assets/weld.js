@@ -1,17 +1,30 @@
 // The section of one weld: what to do and why first, then what it rests on.
 
+/** @type {Record<string, string>} */
 const ACTIONS = {
   accept: "Leave this weld as it is.",
   grind: "Grind this weld.",
   reject: "Renew this weld.",
 };
 
+/**
+ * @param {string} heading
+ * @param {...(Child | Child[])} children
+ */
 const card = (heading, ...children) => element("section", {class: "card"}, heading && element("h3", {}, heading), ...children);
+/** @param {string} words */
 const chart = (words, size = "") => element("div", {class: `chart ${size}`, role: "img", "aria-label": words});
 
-// Builds the section and returns it with a function that draws its charts once it stands in the page.
+/**
+ * Builds the section and returns it with a function that draws its charts once it stands in the page.
+ * @param {Row} row
+ * @param {Detail} content
+ * @param {boolean} still
+ */
 function weldSection(row, content, still) {
+  /** @type {(() => unknown)[]} */
   const tasks = [];
+  /** @param {() => unknown} task */
   const later = (task) => tasks.push(task);
   const body = content.rejection ? rejectionParts(content) : verdictParts(content, still, later);
   const heading = element("h2", {tabindex: "-1"}, row.weld);
@@ -23,15 +36,21 @@ function weldSection(row, content, still) {
   return {section, heading, async draw() { for (const task of tasks) await task(); }};
 }
 
-function metaOf(row, {map, verdict}) {
+/**
+ * @param {Row} row
+ * @param {Detail} content
+ */
+function metaOf(row, content) {
   const parts = [row.rail, row.chainage_m !== undefined && `km ${(row.chainage_m / 1000).toFixed(3)}`];
-  if (map) {
+  if (!content.rejection && content.map) {
+    const {map, verdict} = content;
     parts.push(map.line_speed_kmh === undefined ? `judged up to ${kmh(verdict.judged_speed_kmh)} (line speed not stated)` : `line speed ${kmh(map.line_speed_kmh)}`);
     parts.push(map.weld_position_m === undefined ? "place between the sleepers unknown" : `weld ${centimetres(map.weld_position_m)} cm after the sleeper`);
   }
   return parts.filter(Boolean).join(" · ");
 }
 
+/** @param {RejectionDetail} content */
 function rejectionParts({rejection, provenance}) {
   return [
     element("section", {class: "card headline"}, badge("unusable"),
@@ -41,24 +60,31 @@ function rejectionParts({rejection, provenance}) {
   ];
 }
 
+/**
+ * @param {WeldDetail} content
+ * @param {boolean} still
+ * @param {(task: () => unknown) => void} later
+ */
 function verdictParts(content, still, later) {
   return [
     headline(content),
     facts(content),
     element("div", {class: "grid"},
-      content.map && mapPart(content, still, later), content.curves && curvePart(content, still, later),
-      content.profile && geometryPart(content, still, later), content.history && historyPart(content, still, later)),
+      content.map && mapPart(content.map, content.verdict, still, later), content.curves && curvePart(content.curves, content, still, later),
+      content.profile && geometryPart(content.profile, content.grinding, still, later), content.history && historyPart(content.history, content, still, later)),
     positionsPart(content),
     criteriaPart(content),
-    content.grinding && grindingPart(content),
+    content.grinding && grindingPart(content.grinding),
     provenancePart(content.provenance, still),
   ];
 }
 
+/** @param {string} text */
 const sentence = (text) => (text ? text[0].toUpperCase() + text.slice(1) + (/[.!?]$/.test(text) ? "" : ".") : "");
 
 // --- what to do and why -----------------------------------------------------------------------------------------------
 
+/** @param {WeldDetail} content */
 function headline({verdict, grinding, map}) {
   const until = untilWords(verdict, map);
   return element(
@@ -73,6 +99,10 @@ function headline({verdict, grinding, map}) {
   );
 }
 
+/**
+ * @param {Verdict} verdict
+ * @param {Grinding | undefined} grinding
+ */
 function whatToDo(verdict, grinding) {
   if (verdict.decision === "undecided") return `Not decided yet: ${verdict.measure || verdict.reason}.`;
   const action = ACTIONS[verdict.decision] ?? sentence(verdict.decision);
@@ -84,6 +114,10 @@ function whatToDo(verdict, grinding) {
   return verdict.decision === "grind" ? "No grinding was found that helps: renew this weld." : `${action} Grinding does not help.`;
 }
 
+/**
+ * @param {Verdict} verdict
+ * @param {ForceMap | undefined} map
+ */
 function untilWords(verdict, map) {
   const {permitted_speed_kmh: permitted, judged_speed_kmh: judged, decision} = verdict;
   if (verdict.advice_step_kmh === undefined && permitted === undefined) return "";
@@ -93,15 +127,18 @@ function untilWords(verdict, map) {
   return `${decision === "accept" ? "Run" : "Until then, run"} at most ${kmh(permitted)} (judged up to ${kmh(judged)}).`;
 }
 
+/** @param {Criterion} c */
 const ratioOfCriterion = (c) => c.ratio ?? (c.passed ? 0 : Infinity);
 
+/** @param {{criteria: Criterion[]}} verdict */
 function why({criteria}) {
   const deciding = criteria.filter((c) => c.decides !== false);
   const worst = [...deciding].sort((a, b) => ratioOfCriterion(b) - ratioOfCriterion(a))[0];
   if (!worst) return "";
   const failed = deciding.filter((c) => !c.passed && c !== worst).map((c) => criterionName(c.name).toLowerCase());
-  const reject = worst.reject_limit !== undefined && worst.value > worst.reject_limit;
-  const limit = reject ? worst.reject_limit : worst.limit;
+  const {reject_limit: rejectLimit} = worst;
+  const reject = rejectLimit !== undefined && worst.value > rejectLimit;
+  const limit = reject ? rejectLimit : worst.limit;
   const value = quantity(worst.value, unitOf(worst));
   const at = worst.speed_kmh === undefined ? "" : ` at ${kmh(worst.speed_kmh)}${worst.position_m === undefined ? "" : ` with the weld ${centimetres(worst.position_m)} cm after a sleeper`}`;
   if (worst.passed) return `Nearest to its limit: ${criterionName(worst.name).toLowerCase()}, ${value} of ${quantity(limit, unitOf(worst))}${at}.`;
@@ -109,12 +146,15 @@ function why({criteria}) {
   return `${criterionName(worst.name)} reaches ${value}${at}${beyond}.${failed.length ? ` Also over the limit: ${failed.join(", ")}.` : ""}`;
 }
 
+/** @param {WeldDetail} content */
 function facts({verdict, map}) {
+  /** @type {(name: string, value: string, more?: string) => HTMLElement} */
   const fact = (name, value, more) => element("div", {}, element("dt", {}, name), element("dd", {}, value, more && element("span", {class: "small block"}, more)));
   const permitted = verdict.permitted_speed_kmh;
   const said = permitted !== undefined || verdict.advice_step_kmh !== undefined;
   const {measures} = map ?? {};
-  const riskiest = verdict.criteria.filter((c) => c.exceeding !== undefined && c.decides !== false).sort((a, b) => b.exceeding - a.exceeding)[0];
+  const riskiest = verdict.criteria.filter((c) => c.decides !== false)
+    .flatMap(({name, exceeding}) => (exceeding === undefined ? [] : [{name, exceeding}])).sort((a, b) => b.exceeding - a.exceeding)[0];
   return element(
     "dl", {class: "facts"},
     fact("Peak force", kilonewtons(verdict.peak_force_n), [`${(verdict.peak_force_n / verdict.static_load_n).toFixed(2)} × static`, map?.model_error && `model ± ${kilonewtons(map.model_error * (verdict.peak_force_n - verdict.static_load_n))}`].filter(Boolean).join(", ")),
@@ -128,7 +168,13 @@ function facts({verdict, map}) {
 
 // --- charts -----------------------------------------------------------------------------------------------------------
 
-function mapPart({map, verdict}, still, later) {
+/**
+ * @param {ForceMap} map
+ * @param {Verdict} verdict
+ * @param {boolean} still
+ * @param {(task: () => unknown) => void} later
+ */
+function mapPart(map, verdict, still, later) {
   const holder = chart(`Map of peak force over speed and the weld's place; the worst is ${kilonewtons(verdict.peak_force_n)} at ${kmh(verdict.worst_speed_kmh)}. Arrow keys read other cells.`, "high");
   const readout = element("output", {class: "readout", "aria-live": "polite"});
   if (!still) holder.setAttribute("tabindex", "0");
@@ -137,8 +183,14 @@ function mapPart({map, verdict}, still, later) {
     element("p", {class: "hint"}, `Outlined: hollows, where a lower speed reached more. ✕: worst. Dashed: sleepers.${still ? "" : " Point, tap, or use the arrow keys."}`));
 }
 
-function curvePart(content, still, later) {
-  const {curves, verdict} = content;
+/**
+ * @param {Curves} curves
+ * @param {WeldDetail} content
+ * @param {boolean} still
+ * @param {(task: () => unknown) => void} later
+ */
+function curvePart(curves, content, still, later) {
+  const {verdict} = content;
   const worst = [...verdict.criteria].filter((c) => c.decides !== false && curves.series.some((s) => s.name === c.name))
     .sort((a, b) => ratioOfCriterion(b) - ratioOfCriterion(a))[0];
   // The force itself is what people know; another criterion only where that one alone is beyond its limit.
@@ -146,20 +198,26 @@ function curvePart(content, still, later) {
   const holder = chart("Curve over speed of the worst place, with its limits.");
   const id = freshId("criterion");
   const choice = element("select", {id}, ...curves.series.map(({name}) => element("option", {value: name, selected: name === first}, criterionName(name))));
+  /** @type {(speed: number) => void} */
   let mark = () => {};
-  const redraw = async () => { mark = await drawCurve(holder, content, choice.value, still); };
+  const redraw = async () => { mark = await drawCurve(holder, curves, content, choice.value, still); };
   choice.addEventListener("change", redraw);
   later(redraw);
   return card(
     "", element("div", {class: "choice"}, element("h3", {}, "Force against speed"),
       !still && element("div", {class: "field"}, element("label", {for: id}, "Criterion"), choice)),
-    holder, !still && restrictionPart(content, (speed) => mark(speed)), still && restrictionTable(verdict),
+    holder, !still && restrictionPart(curves, verdict, (speed) => mark(speed)), still && restrictionTable(verdict),
   );
 }
 
 // --- what would a restriction do? -------------------------------------------------------------------------------------
 
-function restrictionPart({curves, verdict}, onSpeed) {
+/**
+ * @param {Curves} curves
+ * @param {Verdict} verdict
+ * @param {(speed: number) => void} onSpeed
+ */
+function restrictionPart(curves, verdict, onSpeed) {
   const judged = curves.speeds_kmh.filter((speed) => speed <= verdict.judged_speed_kmh * (1 + 1e-9));
   if (judged.length < 2) return null;
   const start = verdict.permitted_speed_kmh ?? judged[Math.floor(judged.length / 2)];
@@ -167,71 +225,104 @@ function restrictionPart({curves, verdict}, onSpeed) {
   const slider = element("input", {id, type: "range", min: "0", max: String(judged.length - 1), step: "1", value: String(nearest(judged, start))});
   const caption = element("label", {for: id});
   const answer = element("p", {class: "answer", role: "status"});
-  const tell = (byHand) => {
+  /** @param {boolean} byHand */
+  const showAnswer = (byHand) => {
     const speed = judged[Number(slider.value)];
     caption.textContent = `What would a restriction to ${kmh(speed)} do?`;
     slider.setAttribute("aria-valuetext", kmh(speed));
     answer.replaceChildren(...restrictionWords(curves, judged, Number(slider.value)));
     if (byHand) onSpeed(speed);
   };
-  slider.addEventListener("input", () => tell(true));
-  tell(false);
+  slider.addEventListener("input", () => showAnswer(true));
+  showAnswer(false);
   return element("div", {class: "restrict"}, caption, slider, answer);
 }
 
-// Criteria that are beyond their limit at one of the first speeds, each with the speeds from and to which it is.
+/**
+ * Criteria that are beyond their limit at one of the first speeds, each with the speeds from and to which it is.
+ * @param {Curves} curves
+ * @param {number} count
+ */
 function beyondUpTo({speeds_kmh: speeds, series}, count) {
   return series.filter(({within}) => within[count - 1] === "0").map(({name, values, limits}) => {
-    const {limit} = limits.find((one) => one.decides !== false && holdsAt(one, speeds[count - 1]));
-    const over = speeds.slice(0, count).filter((_, i) => values[i] >= limit);
+    const limit = limits.find((one) => one.decides !== false && holdsAt(one, speeds[count - 1]))?.limit;
+    const over = speeds.slice(0, count).filter((_, i) => limit !== undefined && values[i] >= limit);
     return {name, from: over[0] ?? speeds[count - 1], to: over.at(-1) ?? speeds[count - 1]};
   });
 }
 
-// Trains at the restricted speed, and the worst of all that may run then: force is not monotonic in speed.
+/**
+ * Trains at the restricted speed, and the worst of all that may run then: force is not monotonic in speed.
+ * @param {Curves} curves
+ * @param {number[]} judged
+ * @param {number} index
+ */
 function restrictionWords(curves, judged, index) {
-  const peaks = curves.series.find(({name}) => name === "peak_force").values.slice(0, judged.length);
-  const [speed, top] = [kmh(judged[index]), kmh(judged.at(-1))];
+  const peaks = seriesOf(curves, "peak_force").values.slice(0, judged.length);
+  const [speed, top] = [kmh(judged[index]), kmh(lastOf(judged))];
   const worst = Math.max(...peaks.slice(0, index + 1));
   const beyond = beyondUpTo(curves, index + 1).map(({name, from, to}) =>
     `${criterionName(name).toLowerCase()} at ${from === to ? "" : `${number(from, 4)} to `}${kmh(to)}`);
   return [
     element("span", {class: beyond.length ? "big over" : "big"}, beyond.length ? "✕ Still beyond limits" : `✓ Within limits at every speed up to ${speed}`),
     element("span", {class: "block"}, beyond.join(", ")),
-    element("span", {class: "block"}, `Trains at ${speed}: ${kilonewtons(peaks[index])}`, ...changeWords(peaks[index] / peaks.at(-1) - 1, `than at ${top}`)),
+    element("span", {class: "block"}, `Trains at ${speed}: ${kilonewtons(peaks[index])}`, ...changeWords(peaks[index] / lastOf(peaks) - 1, `than at ${top}`)),
     element("span", {class: "block"}, `Worst of all speeds up to ${speed}: ${kilonewtons(worst)}`, ...changeWords(worst / Math.max(...peaks) - 1, "than without it")),
   ];
 }
 
+/**
+ * @param {number} change
+ * @param {string} than
+ * @returns {Child[]}
+ */
 function changeWords(change, than) {
   if (Math.abs(change) < 5e-4) return [];
   return [", ", element("strong", {}, `${percent(change)} ${change > 0 ? "MORE" : "less"}`), ` ${than}`];
 }
 
+/** @param {Verdict} verdict */
 function restrictionTable({restrictions}) {
   if (!restrictions?.length) return null;
   return element("p", {class: "hint"}, "Restricted to: " + restrictions.slice(1, 9).map((r) =>
     `${number(r.speed_kmh, 4)} km/h ${r.change > 0 ? "+" : "−"}${percent(Math.abs(r.change))}${r.within_limits ? " (within limits)" : ""}`).join(", "));
 }
 
-function geometryPart(content, still, later) {
+/**
+ * @param {Profile} profile
+ * @param {Grinding | undefined} grinding
+ * @param {boolean} still
+ * @param {(task: () => unknown) => void} later
+ */
+function geometryPart(profile, grinding, still, later) {
   const holder = chart("Height of the rail over the weld, and the wheel centre's path.", "low");
-  later(() => drawGeometry(holder, content, still));
+  later(() => drawGeometry(holder, profile, grinding, still));
   return card("Geometry", holder);
 }
 
-function historyPart(content, still, later) {
-  const {history} = content;
+/**
+ * @param {ForceHistory} history
+ * @param {WeldDetail} content
+ * @param {boolean} still
+ * @param {(task: () => unknown) => void} later
+ */
+function historyPart(history, content, still, later) {
   const holder = chart("Contact force along the track in the worst passage.", "low");
-  later(() => drawHistory(holder, content, still));
+  later(() => drawHistory(holder, history, content, still));
   return card(`Worst passage: ${kmh(history.speed_kmh)}, weld ${centimetres(history.position_m)} cm after the sleeper`, holder);
 }
 
 // --- decision by place ------------------------------------------------------------------------------------------------
 
-// Neighbouring positions of one decision: [decision, from, to] in metres.
+/**
+ * Neighbouring positions of one decision: [decision, from, to] in metres.
+ * @param {PositionOutcome[]} outcomes
+ * @param {number} span
+ * @returns {[decision: string, from: number, to: number][]}
+ */
 function stretches(outcomes, span) {
   const edges = edgesOf(outcomes.map((o) => o.position_m)).map((x) => Math.min(span, Math.max(0, x)));
+  /** @type {[decision: string, from: number, to: number][]} */
   const found = [];
   outcomes.forEach(({decision}, i) => {
     const last = found.at(-1);
@@ -239,14 +330,16 @@ function stretches(outcomes, span) {
     else found.push([decision, edges[i], edges[i + 1]]);
   });
   // What lies just before the next sleeper belongs to the first position again.
-  if (outcomes.length > 1 && span - edges.at(-1) > 1e-6) {
-    const [decision] = [outcomes[0].decision];
-    if (found.at(-1)[0] === decision) found.at(-1)[2] = span;
-    else found.push([decision, edges.at(-1), span]);
+  if (outcomes.length > 1 && span - lastOf(edges) > 1e-6) {
+    const {decision} = outcomes[0];
+    const last = lastOf(found);
+    if (last[0] === decision) last[2] = span;
+    else found.push([decision, lastOf(edges), span]);
   }
   return found;
 }
 
+/** @param {WeldDetail} content */
 function positionsPart({verdict, map}) {
   const outcomes = verdict.by_position ?? [];
   if (!outcomes.length || !map) return null;
@@ -267,6 +360,7 @@ function positionsPart({verdict, map}) {
 
 // --- criteria ---------------------------------------------------------------------------------------------------------
 
+/** @param {WeldDetail} content */
 function criteriaPart({verdict}) {
   const sampled = verdict.criteria.some((c) => c.exceeding !== undefined);
   const headings = ["Criterion", "Value", "Limit", "Margin", "Where", ...(sampled ? ["Chance to exceed"] : []), "Why and by which source"];
@@ -281,7 +375,15 @@ function criteriaPart({verdict}) {
   return part;
 }
 
+/**
+ * @param {Criterion} c
+ * @param {boolean} sampled
+ */
 function criterionLine(c, sampled) {
+  /**
+   * @param {string} name
+   * @param {...Child} children
+   */
   const cell = (name, ...children) => element("td", {"data-label": name}, element("div", {}, ...children));
   const margin = c.margin ?? c.limit - c.value;
   const state = c.passed ? ["ok", "✓ within"] : c.reject_limit !== undefined && c.value > c.reject_limit ? ["over", "✕ beyond reject limit"] : ["over", "✕ over limit"];
@@ -298,11 +400,19 @@ function criterionLine(c, sampled) {
   );
 }
 
+/**
+ * @param {Criterion} c
+ * @returns {Child[]}
+ */
 function whereOf(c) {
   if (c.speed_kmh === undefined) return [GEOMETRY.includes(c.name) ? "geometry" : "–"];
   return [element("span", {class: "nowrap"}, kmh(c.speed_kmh)), c.position_m !== undefined && element("span", {class: "small block"}, `weld at ${centimetres(c.position_m)} cm`), c.x_m !== undefined && element("span", {class: "small block"}, `wheel at ${centimetres(c.x_m)} cm`)];
 }
 
+/**
+ * @param {Criterion} c
+ * @returns {Child[]}
+ */
 function chanceOf(c) {
   if (c.exceeding === undefined) return ["–"];
   return [
@@ -314,16 +424,21 @@ function chanceOf(c) {
 
 // --- grinding and where it all comes from -----------------------------------------------------------------------------
 
-function grindingPart({grinding: g}) {
+/** @param {Grinding} g */
+function grindingPart(g) {
   const changed = g.after.map((c) => [criterionName(c.name), quantity(c.value, unitOf(c)), c.passed ? "✓ within" : "✕ over limit"]);
   return card("Grinding",
-    element("p", {}, element("strong", {}, g.reached ? `Take off at most ${hundredths(g.most_removed_m)}${g.from_m === undefined ? "" : `, from ${number(g.from_m * 1e3)} to ${number(g.to_m * 1e3)} mm from the weld's centre`}.` : "No removal of metal was found that brings this weld within its limits."), ` ${sentence(g.reason)}`),
+    element("p", {}, element("strong", {}, g.reached ? `Take off at most ${hundredths(g.most_removed_m)}${g.from_m === undefined || g.to_m === undefined ? "" : `, from ${number(g.from_m * 1e3)} to ${number(g.to_m * 1e3)} mm from the weld's centre`}.` : "No removal of metal was found that brings this weld within its limits."), ` ${sentence(g.reason)}`),
     element("p", {}, "Before ", badge(g.decision_before), " after ", badge(g.decision_after)),
     changed.length ? element("div", {class: "changes"}, ...changed.flat().map((text) => element("span", {}, text))) : null,
     element("p", {class: "hint"}, `Waves longer than ${quantity(g.band_limit_m, "m")}, hollows no sharper than a stone of radius ${number(g.stone_radius_m)} m. ` +
       (g.reference_checked ? `Rolled again by the reference engine: ${g.reference_within} of ${g.reference_checked} passages within limits${g.reference_peak_n === undefined ? "" : `, peak ${kilonewtons(g.reference_peak_n)}`}.` : "Not rolled again by the reference engine.")));
 }
 
+/**
+ * @param {Provenance} provenance
+ * @param {boolean} open
+ */
 function provenancePart(provenance, open) {
   return element("details", {class: "card long", open}, element("summary", {}, "Where this comes from"),
     element("dl", {class: "provenance"}, ...provenance.flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, value)])));

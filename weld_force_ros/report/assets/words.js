@@ -1,5 +1,6 @@
 // What things are called and how numbers are written. Text from a recording only ever becomes a text node: see element().
 
+/** @type {Record<string, {label: string, sign: string, order: number}>} */
 const DECISIONS = {
   reject: {label: "Reject", sign: "✕", order: 0},
   grind: {label: "Grind", sign: "◐", order: 1},
@@ -8,6 +9,7 @@ const DECISIONS = {
   accept: {label: "Accept", sign: "✓", order: 4},
 };
 
+/** @type {Record<string, string>} */
 const CRITERIA = {
   peak_force: "Peak force",
   p2_force: "Force below 120 Hz (P2)",
@@ -25,55 +27,103 @@ const GEOMETRY = ["quality_index", "straightedge"];
 // Shares are read as per cent.
 const SHARES = ["unloading"];
 
+/** @type {Record<string, [factor: number, shown: string]>} */
 const UNITS = {"%": [100, "%"], N: [1e-3, "kN"], s: [1e3, "ms"], m: [1e3, "mm"], "1": [1, ""]};
 
+/** @param {string} name */
 const criterionName = (name) => CRITERIA[name] ?? name;
+/** @param {string} name */
 const decisionOf = (name) => DECISIONS[name] ?? {label: name, sign: "?", order: 9};
 
+/** @param {number} value */
 function number(value, digits = 3) {
   const rounded = Number(value.toPrecision(digits));
   return String(Math.abs(rounded) >= 100 ? Math.round(value) : rounded).replace("-", "−");
 }
 
-function scaled(unit) {
-  return UNITS[unit] ?? [1, unit];
-}
-
+/**
+ * @param {number} value
+ * @param {string} unit
+ */
 function quantity(value, unit) {
-  const [factor, shown] = scaled(unit);
+  const [factor, shown] = UNITS[unit] ?? [1, unit];
   return number(value * factor) + (shown && ` ${shown}`);
 }
 
-// The unit in which a criterion's value is written.
+/**
+ * The unit in which a criterion's value is written.
+ * @param {{name: string, unit: string}} criterion
+ */
 const unitOf = ({name, unit}) => (SHARES.includes(name) ? "%" : unit);
 
+/**
+ * @template T
+ * @param {T[]} values of which there is one at least
+ */
+const lastOf = (values) => values[values.length - 1];
+
+/**
+ * An element that is in the page from the beginning.
+ * @param {string} id
+ */
+function byId(id) {
+  const found = document.getElementById(id);
+  if (!found) throw new Error(`this page has no element #${id}`);
+  return found;
+}
+
 let ids = 0;
+/** @param {string} stem */
 const freshId = (stem) => `${stem}-${(ids += 1)}`;
 
+/** @param {number} value */
 const kilonewtons = (value) => quantity(value, "N");
-// Of metal, no stone takes off less.
+/**
+ * Of metal, no stone takes off less.
+ * @param {number} metres
+ */
 const hundredths = (metres) => `${(metres * 1e3).toFixed(2)} mm`;
+/** @param {number} value */
 const centimetres = (value) => String(Math.round(value * 100)).replace("-", "−");
+/** @param {number} value */
 const kmh = (value) => `${number(value, 4)} km/h`;
 
-// "12 %" of 0.123; tenths only where a whole number would say nothing.
+/**
+ * "12 %" of 0.123; tenths only where a whole number would say nothing.
+ * @param {number} share
+ */
 function percent(share) {
   const size = Math.abs(share * 100);
   return `${size > 0 && size < 1 ? size.toFixed(1) : Math.round(size)} %`;
 }
 
+/** @param {number | null | undefined} ratio */
 const timesLimit = (ratio) => (ratio === undefined || ratio === null ? "limit is 0" : `${ratio.toFixed(2)} × limit`);
 
-// An element with attributes and children; strings become text, so that nothing is ever taken for markup.
+/**
+ * @template T
+ * @param {T} child
+ * @returns {child is Exclude<T, null | undefined | false | "">}
+ */
+const isShown = (child) => child !== null && child !== undefined && child !== false && child !== "";
+
+/**
+ * An element with attributes and children; strings become text, so that nothing is ever taken for markup.
+ * @template {keyof HTMLElementTagNameMap} T
+ * @param {T} tag
+ * @param {Record<string, string | number | boolean | null | undefined>} attributes
+ * @param {...(Child | Child[])} children
+ */
 function element(tag, attributes = {}, ...children) {
   const made = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
-    if (value !== undefined && value !== null && value !== false) made.setAttribute(name, value === true ? "" : value);
+    if (value !== undefined && value !== null && value !== false) made.setAttribute(name, value === true ? "" : String(value));
   }
-  made.append(...children.flat().filter((child) => child !== null && child !== undefined && child !== false && child !== ""));
+  made.append(...children.flat().filter(isShown));
   return made;
 }
 
+/** @param {string} decision */
 function badge(decision) {
   const {label, sign} = decisionOf(decision);
   return element(

@@ -1,0 +1,65 @@
+const assert = require("node:assert/strict");
+const test = require("node:test");
+const {load} = require("./page_scripts.js");
+
+const names = ["beyondUpTo", "changeWords", "restrictionWords", "sentence", "stretches", "untilWords", "whatToDo", "why"];
+const page = load(["words.js", "source.js", "table.js", "charts.js", "weld.js"], names);
+
+const criterion = (more) => ({name: "peak_force", value: 210e3, limit: 200e3, unit: "N", passed: false, verified: true, ratio: 1.05, ...more});
+
+test("a clause becomes a sentence", () => {
+  assert.deepEqual(["", "measure again", "Done!"].map(page.sentence), ["", "Measure again.", "Done!"]);
+});
+
+test("what to do follows the decision and the advice on grinding", () => {
+  const advice = {reached: true, most_removed_m: 1.23e-4};
+  assert.equal(page.whatToDo({decision: "accept"}, advice), "Leave this weld as it is.");
+  assert.equal(page.whatToDo({decision: "grind"}, advice), "Grind this weld: take off at most 0.12 mm.");
+  assert.equal(page.whatToDo({decision: "reject"}, advice), "Renew this weld, or grind off at most 0.12 mm.");
+  assert.equal(page.whatToDo({decision: "grind"}, {...advice, reached: false}), "No grinding was found that helps: renew this weld.");
+  assert.equal(page.whatToDo({decision: "undecided", measure: "measure its place"}), "Not decided yet: measure its place.");
+});
+
+test("the permitted speed is said only where it was searched for", () => {
+  const verdict = {decision: "grind", judged_speed_kmh: 160, advice_step_kmh: 1};
+  assert.equal(page.untilWords({...verdict, advice_step_kmh: undefined}), "");
+  assert.equal(page.untilWords(verdict), "No speed is within the limits on force.");
+  assert.equal(page.untilWords({...verdict, permitted_speed_kmh: 120}), "Until then, run at most 120 km/h (judged up to 160 km/h).");
+  assert.equal(page.untilWords({...verdict, permitted_speed_kmh: 160}, {line_speed_kmh: 160}), "Forces are within limits at every speed up to the line's 160 km/h.");
+});
+
+test("the reason names the criterion farthest beyond its limit", () => {
+  const beside = criterion({name: "unloading", decides: false, ratio: 9});
+  assert.equal(page.why({criteria: [criterion({speed_kmh: 120, position_m: 0.13}), beside]}),
+    "Peak force reaches 210 kN at 120 km/h with the weld 13 cm after a sleeper, 5 % over its limit of 200 kN.");
+  assert.equal(page.why({criteria: [criterion({reject_limit: 205e3}), criterion({name: "p2_force", ratio: 1.01})]}),
+    "Peak force reaches 210 kN, 2 % over its reject limit of 205 kN. Also over the limit: force below 120 hz (p2).");
+  assert.equal(page.why({criteria: [criterion({passed: true, value: 180e3, ratio: 0.9})]}), "Nearest to its limit: peak force, 180 kN of 200 kN.");
+  assert.equal(page.why({criteria: []}), "");
+});
+
+const CURVES = {
+  speeds_kmh: [100, 120, 140],
+  series: [{name: "peak_force", unit: "N", values: [150e3, 210e3, 190e3], limits: [{limit: 200e3, verified: true}], within: "100"}],
+};
+
+test("a restriction is still beyond limits where a lower speed is", () => {
+  assert.deepEqual(page.beyondUpTo(CURVES, 1), []);
+  assert.deepEqual(page.beyondUpTo(CURVES, 3), [{name: "peak_force", from: 120, to: 120}]);
+  const words = (index) => page.restrictionWords(CURVES, CURVES.speeds_kmh, index).map((part) => part.textContent);
+  assert.deepEqual(words(0), [
+    "✓ Within limits at every speed up to 100 km/h", "",
+    "Trains at 100 km/h: 150 kN, 21 % less than at 140 km/h", "Worst of all speeds up to 100 km/h: 150 kN, 29 % less than without it",
+  ]);
+  assert.equal(words(1)[2], "Trains at 120 km/h: 210 kN, 11 % MORE than at 140 km/h");
+});
+
+test("a change too small to print is not said", () => {
+  assert.equal(page.changeWords(4e-4, "than before").length, 0);
+});
+
+test("neighbouring positions of one decision become one stretch that ends at the next sleeper", () => {
+  const outcomes = [[0, "accept"], [0.2, "grind"], [0.4, "grind"]].map(([position_m, decision]) => ({position_m, decision}));
+  const found = page.stretches(outcomes, 0.6).map(([decision, from, to]) => [decision, from.toFixed(2), to.toFixed(2)]);
+  assert.deepEqual(found, [["accept", "0.00", "0.10"], ["grind", "0.10", "0.50"], ["accept", "0.50", "0.60"]]);
+});
