@@ -1,4 +1,4 @@
-"""A recording played: onto a stage of paper to the microsecond, and onto a real graph beside a second reader."""
+"""A recording played: onto a sink of paper to the microsecond, and onto a real graph beside a second reader."""
 
 import os
 import signal
@@ -31,15 +31,10 @@ from weld_force_ros.cli.main import main
 from weld_force_ros.errors import BagError, InputError
 from weld_force_ros.recording import STRING, Recorded, offered_qos, string_cdr
 from weld_force_ros.ros import qos, type_definitions
-from weld_force_ros.ros.playback import (
-    CLOCK_PERIOD_S,
-    CLOCK_TOPIC,
-    PlaybackClock,
-    PlaybackOptions,
-    offering,
-    play,
-    play_messages,
-)
+from weld_force_ros.ros.playback import CLOCK_PERIOD_S, PlaybackClock, play, play_messages
+from weld_force_ros.ros.playback_plan import PlaybackOptions
+from weld_force_ros.ros.playback_qos import playback_qos
+from weld_force_ros.ros.playback_sink import CLOCK_TOPIC
 
 DEMO = Path(__file__).parents[2] / "bags" / "demo"
 START_NS = 1_700_000_000_000_000_000
@@ -81,7 +76,7 @@ def texts(prefix: str, *times_ms: float) -> list[tuple[float, bytes]]:
     return [(at_ms, string_cdr(f"{prefix}{i}")) for i, at_ms in enumerate(times_ms)]
 
 
-class PaperTime:
+class SimulatedTime:
     """A clock that passes only while somebody sleeps."""
 
     def __init__(self) -> None:
@@ -95,17 +90,17 @@ class PaperTime:
         self.now_s += max(seconds, 1e-7)  # a float so large has no smaller step worth the name
 
 
-class PaperStage:
+class SimulatedSink:
     """Writes down what is played when; each message takes `sending_s`."""
 
-    def __init__(self, time: PaperTime, sending_s: float = 0.0) -> None:
+    def __init__(self, time: SimulatedTime, sending_s: float = 0.0) -> None:
         self._time, self._sending_s = time, sending_s
-        self.told: list[tuple[float, int]] = []
+        self.times: list[tuple[float, int]] = []
         self.sent: list[tuple[float, Recorded]] = []
         self.on_send: Callable[[], None] = lambda: None
 
-    def tell(self, recorded_ns: int) -> None:
-        self.told.append((self._time.now_s, recorded_ns))
+    def set_time(self, recorded_ns: int) -> None:
+        self.times.append((self._time.now_s, recorded_ns))
 
     def is_latched(self, message: Recorded) -> bool:
         return message.topic == "/latched"
@@ -120,13 +115,13 @@ def recorded(*at: tuple[str, int]) -> list[Recorded]:
     return [Recorded(topic, STRING, b"", START_NS + ns, START_NS + ns) for topic, ns in at]
 
 
-def performed(
+def played_in_simulated_time(
     messages: list[Recorded], offset_ns: int = 0, rate: float = 1.0, sending_s: float = 0.0
-) -> tuple[PaperStage, PaperTime]:
-    time = PaperTime()
-    stage = PaperStage(time, sending_s)
-    play_messages(messages, START_NS + offset_ns, stage, PlaybackClock(rate, time.now, time.sleep), threading.Event())
-    return stage, time
+) -> tuple[SimulatedSink, SimulatedTime]:
+    time = SimulatedTime()
+    sink = SimulatedSink(time, sending_s)
+    play_messages(messages, START_NS + offset_ns, sink, PlaybackClock(rate, time.now, time.sleep), threading.Event())
+    return sink, time
 
 
 RECORDINGS = st.lists(st.tuples(st.sampled_from(["/latched", "/live"]), st.integers(0, 3_000_000_000)), max_size=20)
@@ -137,57 +132,57 @@ def test_each_message_is_played_at_its_time_and_latched_ones_before_the_start_at
     at: list[tuple[str, int]], offset_ns: int, rate: float
 ) -> None:
     messages = recorded(*sorted(at, key=lambda one: one[1]))
-    stage, _ = performed(messages, offset_ns, rate)
+    sink, _ = played_in_simulated_time(messages, offset_ns, rate)
     due = [m for m in messages if m.log_time_ns >= START_NS + offset_ns or m.topic == "/latched"]
-    assert [message for _, message in stage.sent] == due
-    for at_s, message in stage.sent:
+    assert [message for _, message in sink.sent] == due
+    for at_s, message in sink.sent:
         after_start_s = (message.log_time_ns - START_NS - offset_ns) * 1e-9
         assert at_s == pytest.approx(max(0.0, after_start_s) / rate, abs=1e-5)
 
 
 @given(RECORDINGS, st.integers(0, 2_000_000_000), st.floats(0.1, 100.0), st.floats(0.0, 0.3))
-def test_time_is_told_from_the_start_on_steadily_and_never_goes_back(
+def test_time_is_set_from_the_start_on_steadily_and_never_goes_back(
     at: list[tuple[str, int]], offset_ns: int, rate: float, sending_s: float
 ) -> None:
     messages = recorded(*sorted(at, key=lambda one: one[1]))
-    stage, _ = performed(messages, offset_ns, rate, sending_s)
-    assert stage.told[0] == (0.0, START_NS + offset_ns)
-    assert all(before <= after for (_, before), (_, after) in pairwise(stage.told))
-    told_ns = {ns for _, ns in stage.told}
-    assert all(m.log_time_ns in told_ns for _, m in stage.sent if m.log_time_ns >= START_NS + offset_ns)
+    sink, _ = played_in_simulated_time(messages, offset_ns, rate, sending_s)
+    assert sink.times[0] == (0.0, START_NS + offset_ns)
+    assert all(before <= after for (_, before), (_, after) in pairwise(sink.times))
+    time_ns = {ns for _, ns in sink.times}
+    assert all(m.log_time_ns in time_ns for _, m in sink.sent if m.log_time_ns >= START_NS + offset_ns)
     if sending_s == 0.0:
-        assert all(after - before <= CLOCK_PERIOD_S + 1e-6 for (before, _), (after, _) in pairwise(stage.told))
+        assert all(after - before <= CLOCK_PERIOD_S + 1e-6 for (before, _), (after, _) in pairwise(sink.times))
 
 
-def test_a_slow_stage_gets_every_message_late_and_time_waits_for_it() -> None:
+def test_a_slow_sink_gets_every_message_late_and_time_waits_for_it() -> None:
     messages = recorded(*(("/live", i * 10 * MS) for i in range(20)), ("/live", 5_000 * MS))
-    stage, _ = performed(messages, sending_s=0.1)
-    assert [message for _, message in stage.sent] == messages
+    sink, _ = played_in_simulated_time(messages, sending_s=0.1)
+    assert [message for _, message in sink.sent] == messages
     # 20 messages of 0.1 s each fill 2 s; what comes later is in time again.
-    assert stage.sent[-2][0] == pytest.approx(1.9)
-    assert stage.sent[-1][0] == pytest.approx(5.0)
-    for at_s, told_ns in stage.told:
-        unsent = [m.log_time_ns for sent_s, m in stage.sent if sent_s > at_s]
-        assert all(told_ns <= ns for ns in unsent)
+    assert sink.sent[-2][0] == pytest.approx(1.9)
+    assert sink.sent[-1][0] == pytest.approx(5.0)
+    for at_s, time_ns in sink.times:
+        unsent = [m.log_time_ns for sent_s, m in sink.sent if sent_s > at_s]
+        assert all(time_ns <= ns for ns in unsent)
 
 
 def test_stopping_leaves_out_the_rest() -> None:
-    time, stop = PaperTime(), threading.Event()
-    stage = PaperStage(time)
-    stage.on_send = lambda: stop.set() if len(stage.sent) == 3 else None
+    time, stop = SimulatedTime(), threading.Event()
+    sink = SimulatedSink(time)
+    sink.on_send = lambda: stop.set() if len(sink.sent) == 3 else None
     play_messages(
-        recorded(*(("/live", i) for i in range(9))), START_NS, stage, PlaybackClock(1.0, time.now, time.sleep), stop
+        recorded(*(("/live", i) for i in range(9))), START_NS, sink, PlaybackClock(1.0, time.now, time.sleep), stop
     )
-    assert len(stage.sent) == 3
+    assert len(sink.sent) == 3
 
 
 FAST = PlaybackOptions(rate=100.0)
 
 
-def played(path: Path, manner: PlaybackOptions = FAST) -> tuple[int, list[str]]:
+def played(path: Path, options: PlaybackOptions = FAST) -> tuple[int, list[str]]:
     """How many messages were sent, and what was said; every topic has its subscriber in these tests."""
     said: list[str] = []
-    return play(path, manner, stop=threading.Event(), say=said.append, discovery_s=DEADLINE_S), said
+    return play(path, options, stop=threading.Event(), report=said.append, discovery_s=DEADLINE_S), said
 
 
 class Listener(Probe):
@@ -230,11 +225,11 @@ def nanoseconds(data: bytes) -> int:
 
 
 @contextmanager
-def playing(path: Path, manner: PlaybackOptions, discovery_s: float = 0.0) -> Iterator[Outcomes]:
+def playing(path: Path, options: PlaybackOptions, discovery_s: float = 0.0) -> Iterator[Outcomes]:
     """A player on a thread of its own, stopped at the end; collects the times in the recording."""
     stop, times = threading.Event(), Outcomes()
-    options: dict[str, Any] = {"stop": stop, "discovery_s": discovery_s}
-    thread = threading.Thread(target=lambda: play(path, manner, on_time=lambda at_s, _: times(at_s), **options))
+    arguments: dict[str, Any] = {"stop": stop, "discovery_s": discovery_s}
+    thread = threading.Thread(target=lambda: play(path, options, on_time=lambda at_s, _: times(at_s), **arguments))
     thread.start()
     try:
         yield times
@@ -328,7 +323,7 @@ def test_nothing_is_pushed_out_before_a_subscriber_has_it(domain_id: int, tmp_pa
     """All due at once, far more than the publisher keeps, to another process: within one nothing is ever late."""
     filling = "x" * 200_000
     path = write(tmp_path / "bag.mcap", Channel("/map", [(0, string_cdr(f"{i} {filling}")) for i in range(300)]))
-    assert offering([LATCHED], 200_000).depth < 300 / 1.5
+    assert playback_qos([LATCHED], 200_000).depth < 300 / 1.5
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
     command = [sys.executable, "-c", SLOW_READER, str(domain_id)]
     with Listener(domain_id) as listener, subprocess.Popen(command, stdout=subprocess.PIPE, env=environment) as reader:
@@ -360,7 +355,7 @@ def test_topics_are_offered_as_they_were_recorded(listener: Listener, tmp_path: 
 
 def test_several_publishers_of_a_topic_are_played_by_the_strongest() -> None:
     weak = LIVE.replace("reliable", "best_effort")
-    profile = offering([weak, offered_qos(depth=3, latched=True), offered_qos(depth=5, latched=True)], 100)
+    profile = playback_qos([weak, offered_qos(depth=3, latched=True), offered_qos(depth=5, latched=True)], 100)
     assert (profile.reliability, profile.durability, profile.depth) == (
         ReliabilityPolicy.RELIABLE,
         DurabilityPolicy.TRANSIENT_LOCAL,
@@ -370,7 +365,7 @@ def test_several_publishers_of_a_topic_are_played_by_the_strongest() -> None:
 
 @given(st.integers(1, 64 * 2**20), st.one_of(st.none(), st.integers(1, 10**6)))
 def test_what_a_publisher_holds_is_bounded(largest_bytes: int, depth: int | None) -> None:
-    profile = offering([offered_qos(depth=depth, latched=True)], largest_bytes)
+    profile = playback_qos([offered_qos(depth=depth, latched=True)], largest_bytes)
     assert profile.depth == 1 or profile.depth * largest_bytes <= 32 * 2**20
     assert 1 <= profile.depth <= min(depth or 1000, 1000)
 
@@ -380,7 +375,7 @@ PLAIN = "- history: keep_all\n  reliability: reliable\n"
 
 @pytest.mark.parametrize("text", ["", "{not yaml", "3", "- 3", "- {}", "[]", PLAIN, PLAIN + "  deadline: {sec: x}\n"])
 def test_quality_of_service_that_cannot_be_read_is_reliable(text: str) -> None:
-    profile = offering([text], 100)
+    profile = playback_qos([text], 100)
     assert (profile.reliability, profile.durability) == (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)
 
 
@@ -419,16 +414,16 @@ def test_without_a_clock_of_its_own_the_recorded_one_is_played(listener: Listene
 
 def test_chosen_topics_only(listener: Listener, tmp_path: Path) -> None:
     path = write(tmp_path / "bag.mcap", *(Channel(f"/{name}", texts(name, 0, 1)) for name in "abc"))
-    heard = {name: listener.listen(f"/{name}") for name in "abc"}
+    collected = {name: listener.listen(f"/{name}") for name in "abc"}
     assert played(path, PlaybackOptions(topics=("a", "/c"))) == (4, [])
-    assert [texts_of(heard[name].wait(2)) for name in "ac"] == [["a0", "a1"], ["c0", "c1"]]
-    assert heard["b"].messages == []
+    assert [texts_of(collected[name].wait(2)) for name in "ac"] == [["a0", "a1"], ["c0", "c1"]]
+    assert collected["b"].messages == []
 
 
 def test_topics_that_nobody_listens_to_are_said_and_played(domain_id: int, tmp_path: Path) -> None:
     path = write(tmp_path / "bag.mcap", Channel("/a", texts("a", 0)), Channel("/b", texts("b", 0), LIVE))
     said: list[str] = []
-    assert play(path, FAST, stop=threading.Event(), say=said.append, discovery_s=0.0) == 2
+    assert play(path, FAST, stop=threading.Event(), report=said.append, discovery_s=0.0) == 2
     assert said == ["nobody subscribes yet to /a, /b; playing all the same"]
 
 
@@ -444,22 +439,22 @@ def test_cut_recording_is_played_up_to_the_cut(listener: Listener, tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    ("manner", "word"),
+    ("options", "word"),
     [
         (PlaybackOptions(start_offset_s=1e6), "behind the end"),
         (PlaybackOptions(topics=("elsewhere",)), "no topic /elsewhere"),
     ],
 )
-def test_what_the_recording_does_not_have_is_refused(manner: PlaybackOptions, word: str) -> None:
+def test_what_the_recording_does_not_have_is_refused(options: PlaybackOptions, word: str) -> None:
     with pytest.raises(InputError, match=word):
-        played(DEMO, manner)
+        played(DEMO, options)
 
 
 @pytest.mark.parametrize(
     "options", [{"rate": 0.05}, {"rate": 101.0}, {"rate": float("nan")}, {"start_offset_s": -1.0},
                 {"start_offset_s": float("inf")}],
 )  # fmt: skip
-def test_manner_out_of_range_is_refused(options: dict[str, float]) -> None:
+def test_option_out_of_range_is_refused(options: dict[str, float]) -> None:
     with pytest.raises(InputError, match="out of range"):
         PlaybackOptions(**options)  # type: ignore[arg-type]
 

@@ -43,7 +43,7 @@ def replay(
     if len(asked) > 1:
         raise InputError(f"{' and '.join(asked)} exclude each other", "give one of them")
     changes = {"track": track, "speeds": speeds, "engine": engine, "limits": limits}
-    manner: dict[str, Any] = {
+    options: dict[str, Any] = {
         "rate": rate,
         "start_offset": start_offset_s,
         "loop": loop,
@@ -53,12 +53,12 @@ def replay(
     if not what_if:
         _refuse(changes, "changes what was recorded", "add --what-if")
     if not publish:
-        _refuse(manner, "says how to play a recording", "add --publish")
+        _refuse(options, "says how to play a recording", "add --publish")
         _compute(bag, verify, changes if what_if else None, json)
     elif json is not None:
         raise InputError("--publish has no result to write as JSON", "leave out --json")
     else:
-        _publish(bag, **manner)
+        _publish(bag, **options)
 
 
 def _refuse(options: dict[str, Any], reason: str, remedy: str) -> None:
@@ -78,7 +78,7 @@ def _publish(
     from weld_force_ros.cli import terminal
 
     playback, stop_signals = ros_module("playback"), ros_module("launcher").stop_signals
-    manner = playback.PlaybackOptions(
+    options = playback.PlaybackOptions(
         rate=1.0 if rate is None else rate,
         start_offset_s=start_offset or 0.0,
         loop=bool(loop),
@@ -89,9 +89,9 @@ def _publish(
         task = bar.add_task("playing, seconds")
         sent = playback.play(
             bag,
-            manner,
+            options,
             stop=stop,
-            say=terminal.say,
+            report=terminal.say,
             on_time=lambda at_s, duration_s: bar.update(task, completed=int(at_s), total=int(duration_s)),
         )
     terminal.say(f"{bag}: {sent} messages played{', then stopped' if stop.is_set() else ''}")
