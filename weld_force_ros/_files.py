@@ -1,121 +1,104 @@
-"""What is kept between runs in the user's cache folder: whole files or none, and nothing that cannot be made again."""
+"""User cache, and the only place that writes a file whole: under a temporary name, then renamed.
 
-import contextlib
-import errno
+Another process sees the old file or all of the new one, never a part. Every function raises OSError and leaves nothing
+behind when it does; what a killed process leaves ends in `TEMPORARY`.
+"""
+
 import os
+import secrets
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, BinaryIO
+from typing import BinaryIO
 
 import platformdirs
 
-from weld_force_ros.errors import BagError, InputError
+TEMPORARY = ".part"
+"""The ending of a file's or folder's name while it is written."""
 
 
-def folder(kind: str) -> Path:
-    """The folder for one kind of file; for a user without a home one that cannot be made, as any OSError will say."""
+def cache_folder(kind: str) -> Path:
+    """Return the user's cache folder for one kind of file; it may not exist yet.
+
+    For a user without a home the folder cannot be made, so that writing to it raises OSError.
+    """
     try:
         return platformdirs.user_cache_path("weld_force_ros") / kind
     except RuntimeError:
         return Path(os.devnull) / kind
 
 
-def write_whole(data: bytes, path: Path) -> None:
-    """Write a file so that another process sees all of it or nothing.
+@contextmanager
+def whole_file(path: Path, *, fsync: bool = False) -> Iterator[BinaryIO]:
+    """Give a stream to a temporary file beside `path`, which takes the place of `path` once all is written.
+
+    Args:
+        path: the file, in a folder that exists.
+        fsync: force the file, and the name that it has then, to the disk.
 
     Raises:
-        OSError: the folder cannot be made or written; nothing is left behind.
+        OSError: the file cannot be written.
+    """
+    temporary = _temporary(path)
+    try:
+        with temporary.open("xb") as stream:
+            yield stream
+            if fsync:
+                stream.flush()
+                os.fsync(stream.fileno())
+        temporary.replace(path)
+        if fsync:
+            sync_folder(path.parent)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def write_whole(path: Path, data: bytes, *, fsync: bool = False) -> None:
+    """Write a file as `whole_file` does; its folder is made if need be.
+
+    Raises:
+        OSError: the folder cannot be made or written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
-
-
-PART = ".part"
-"""What the name of a file ends in while it is written."""
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
-"""What the operating system says of a full disk, and of a user's full share of it."""
+    with whole_file(path, fsync=fsync) as stream:
+        stream.write(data)
 
 
 @contextmanager
-def as_bag_error(path: Path, remedy: str = "choose another place or free space") -> Iterator[None]:
-    """Turn what the operating system refuses into a BagError about `path`."""
-    try:
-        yield
-    except OSError as error:
-        raise BagError(f"{path}: {error.strerror or error}", remedy) from error
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Give a temporary folder beside `path`, which gets the name `path`, forced to the disk, once all in it is written.
 
-
-@contextmanager
-def new_file(path: Path) -> Iterator[BinaryIO]:
-    """Write beside, force to the disk, and only then name: who looks finds the old file or all of the new one."""
-    part = path.with_name(f"{path.name}{PART}")
-    try:
-        with part.open("wb") as stream:
-            yield stream
-            stream.flush()
-            os.fsync(stream.fileno())
-        part.replace(path)
-        sync_folder(path.parent)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
-
-
-@contextmanager
-def new_folder(path: Path) -> Iterator[Path]:
-    """A folder that gets its name once all in it is written.
+    Args:
+        path: the new folder; nothing but an empty folder may have this name.
 
     Raises:
-        BagError: something of this name is there.
+        OSError: the folder cannot be made or written.
     """
-    refuse_existing(path)
-    part = path.with_name(f".{path.resolve().name}.{os.getpid()}{PART}")
-    part.mkdir(parents=True)
+    temporary = _temporary(path.with_name(f".{path.resolve().name}"))
+    temporary.mkdir(parents=True)
     try:
-        yield part
-        part.rename(path)
+        yield temporary
+        temporary.rename(path)
     except BaseException:
-        shutil.rmtree(part, ignore_errors=True)
+        shutil.rmtree(temporary, ignore_errors=True)
         raise
     sync_folder(path.resolve().parent)
 
 
-def refuse_existing(path: Path) -> None:
-    """Raise a BagError if something is there: recordings are never overwritten."""
-    if path.exists():
-        raise BagError(f"{path} exists and is not overwritten", "choose another name or remove it")
+def sync_folder(folder: Path) -> None:
+    """Force the names of the files in a folder to the disk.
 
-
-def sync_folder(directory: Path) -> None:
-    """Force to the disk what files a folder has."""
-    handle = os.open(directory, os.O_RDONLY)
+    Raises:
+        OSError: the folder cannot be opened or forced to the disk.
+    """
+    handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)
     finally:
         os.close(handle)
 
 
-@contextlib.contextmanager
-def writing(path: Path) -> Iterator[IO[str]]:
-    """A text file, its folder made.
-
-    Raises:
-        InputError: the place cannot be written.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w", encoding="utf-8") as file:
-            yield file
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}", "name a file in a writable folder") from None
+def _temporary(path: Path) -> Path:
+    return path.with_name(f"{path.name}.{secrets.token_hex(4)}{TEMPORARY}")

@@ -1,5 +1,12 @@
 """The package's errors. Each message is one line that says what is wrong, where, and what to do."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
 
 class WeldForceError(Exception):
     """Anything this package refuses or fails at on purpose."""
@@ -44,3 +51,12 @@ class DiskFullError(BagError):
 
 class NumericalError(WeldForceError):
     """A computation that did not give a usable number."""
+
+
+@contextmanager
+def os_errors_as(kind: type[InputError], path: "Path", remedy: str) -> Iterator[None]:
+    """Raise an OSError as an error of this package: the path, what the operating system says, and what to do."""
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"{path}: {error.strerror or error}", remedy) from error

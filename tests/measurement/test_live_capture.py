@@ -458,11 +458,11 @@ def test_a_capture_that_cannot_be_written_waits_and_is_announced_once(bench: Ben
     drive(live, 0.0, 2.0)
     live.mark()
 
-    def full(*_: object) -> None:
+    def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(capture_folder, "new_file", full)
+        patch.setattr(capture_folder, "whole_file", full)
         drive(live, 2.0, 4.0)
     assert live.waiting == 1
     (told,) = bench.announced

@@ -120,7 +120,7 @@ def test_a_read_only_installation_shares_the_machine_code_that_came_with_it(scie
     kernel = science(2.0)
     called(kernel, 1.5)
 
-    def read_only(data: bytes, path: Path) -> None:
+    def read_only(path: Path, data: bytes) -> None:
         raise PermissionError(errno.EACCES, "read-only", str(path))
 
     monkeypatch.setattr(_files, "write_whole", read_only)
@@ -160,7 +160,7 @@ def test_a_user_without_a_home_gets_the_shipped_fits(monkeypatch):
     monkeypatch.setattr(platformdirs, "user_cache_path", nobody)
     assert fit_store.fitted(track_file.load("bilbao")).track == "bilbao"
     with pytest.raises(OSError, match=os.devnull):
-        _files.write_whole(b"", _files.folder("fits") / "fit.json")
+        _files.write_whole(_files.cache_folder("fits") / "fit.json", b"")
 
 
 STARTED = """

@@ -301,7 +301,7 @@ def test_interrupted_compression_leaves_a_complete_bag(tmp_path, monkeypatch, re
     recorder = recording.Recorder(tmp_path / "run")
     write(recorder, numbered(20))
     with monkeypatch.context() as patch:
-        patch.setattr("weld_force_ros.recording.compaction.write_whole", refuse)
+        patch.setattr("weld_force_ros.recording.compaction.write_mcap", refuse)
         if reason == errno.EIO:
             with pytest.raises(BagError, match="its messages are kept"):
                 recorder.close()

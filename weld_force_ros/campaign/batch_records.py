@@ -49,7 +49,7 @@ class Manifest(msgspec.Struct, frozen=True):
 
 def keep(record: Record, out: Path) -> None:
     """Say that a batch is finished."""
-    _files.write_whole(msgspec.json.encode(record), _path(out, record.batch))
+    _files.write_whole(_path(out, record.batch), msgspec.json.encode(record))
 
 
 def finished(out: Path, plan_sha256: str, batches: int) -> Iterator[Record]:
@@ -83,7 +83,7 @@ def complete(out: Path, plan_sha256: str, software: str, batches: int) -> Manife
         hashlib.sha256(msgspec.json.encode(files, order="sorted")).hexdigest(),
         files,
     )
-    _files.write_whole(msgspec.json.format(msgspec.json.encode(manifest), indent=1), out / MANIFEST)
+    _files.write_whole(out / MANIFEST, msgspec.json.format(msgspec.json.encode(manifest), indent=1))
     return manifest
 
 

@@ -14,11 +14,12 @@ from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from weld_force_ros._files import TEMPORARY
 from weld_force_ros.campaign import batch_records, batch_task, result_store, sources
 from weld_force_ros.campaign import plan as plans
 from weld_force_ros.campaign.batch_records import Manifest, Record
 from weld_force_ros.campaign.plan import Plan
-from weld_force_ros.errors import InputError, WeldForceError
+from weld_force_ros.errors import InputError, WeldForceError, os_errors_as
 
 LOCAL = "127.0.0.1"
 DASHBOARD_PORT = 8787
@@ -30,7 +31,7 @@ _LOCAL_SETTINGS = {
 _LEAST_UNDER_WAY = 16
 _UNDER_WAY = 4  # a thread
 _WAIT_FOR_WORKERS_S = 60.0
-_LEFTOVERS = ("*.part", "*.partial")
+_LEFTOVERS = (f"*{TEMPORARY}", "*.partial")
 
 
 class Unfinished(NamedTuple):
@@ -101,12 +102,10 @@ def prepare(plan: Plan, out: Path) -> list[Record]:
     Raises:
         InputError: other results are there, or it cannot be written.
     """
-    try:
+    with os_errors_as(InputError, out, "give --out a writable folder"):
         plans.claim_folder(plan, out)
         result_store.create_maps(plan, out)
         batch_task.export_fits(plan, out)
-    except OSError as error:
-        raise InputError(f"{out}: {error.strerror or error}", "give --out a writable folder") from None
     return list(batch_records.finished(out, plan.sha256, plan.batches))
 
 
@@ -167,10 +166,8 @@ def complete(plan: Plan, out: Path) -> Manifest:
     Raises:
         InputError: it cannot be written.
     """
-    try:
+    with os_errors_as(InputError, out, "see to it and run the same command again"):
         for pattern in _LEFTOVERS:
             for leftover in out.rglob(pattern):
                 leftover.unlink(missing_ok=True)
         return batch_records.complete(out, plan.sha256, plan.software, plan.batches)
-    except OSError as error:
-        raise InputError(f"{out}: {error.strerror or error}", "see to it and run the same command again") from None

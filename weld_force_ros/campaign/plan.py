@@ -8,7 +8,7 @@ import msgspec
 from weld_force_ros import SOFTWARE, _files
 from weld_force_ros.campaign.campaign_file import Campaign, Section
 from weld_force_ros.campaign.sources import Source
-from weld_force_ros.errors import InputError
+from weld_force_ros.errors import InputError, os_errors_as
 from weld_force_ros.messages import AssessmentSettings
 
 _FILE = "plan.json"
@@ -78,10 +78,8 @@ def claim_folder(plan: Plan, out: Path) -> bool:
 
 
 def _begin(plan: Plan, out: Path) -> None:
-    try:
-        _files.write_whole(msgspec.json.format(msgspec.json.encode(plan)), out / _FILE)
-    except OSError as error:
-        raise InputError(f"{out}: {error.strerror or error}", "give --out a writable folder") from None
+    with os_errors_as(InputError, out, "give --out a writable folder"):
+        _files.write_whole(out / _FILE, msgspec.json.format(msgspec.json.encode(plan)))
 
 
 def _difference(there: Plan, plan: Plan) -> str:

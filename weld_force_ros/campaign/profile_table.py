@@ -6,7 +6,7 @@ Only `x_m` and `z_m` (lists of m) must be there. What is wrong with a row concer
 import itertools
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import msgspec
 import numpy as np
@@ -14,8 +14,8 @@ import pyarrow as pa  # type: ignore[import-untyped]
 import pyarrow.parquet as pq  # type: ignore[import-untyped]
 from msgspec import UNSET
 
-from weld_force_ros._files import PART
-from weld_force_ros.errors import InputError
+from weld_force_ros._files import whole_file
+from weld_force_ros.errors import InputError, os_errors_as
 from weld_force_ros.messages import WeldProfile, legible, profile_problem, profile_sha256
 
 ROW_GROUP = 256
@@ -52,19 +52,15 @@ def write(path: Path, welds: Iterable[ProfileRow]) -> int:
     Raises:
         InputError: the place cannot be written.
     """
-    part = path.with_name(path.name + PART)
-    try:
+    with os_errors_as(InputError, path, "name a file in a writable folder"):
         path.parent.mkdir(parents=True, exist_ok=True)
-        count = _write(part, welds)
-        part.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}", "name a file in a writable folder") from None
-    return count
+        with whole_file(path) as stream:
+            return _write(stream, welds)
 
 
-def _write(path: Path, welds: Iterable[ProfileRow]) -> int:
+def _write(stream: BinaryIO, welds: Iterable[ProfileRow]) -> int:
     count, rows = 0, []
-    with pq.ParquetWriter(path, SCHEMA, compression="zstd") as writer:
+    with pq.ParquetWriter(stream, SCHEMA, compression="zstd") as writer:
         for weld in welds:
             rows.append(_row(weld))
             if len(rows) == ROW_GROUP:

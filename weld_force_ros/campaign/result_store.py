@@ -43,7 +43,7 @@ def write_table(table: Any, out: Path, name: str) -> dict[str, str]:
     buffer = io.BytesIO()
     pq.write_table(table, buffer, compression="zstd")
     data = buffer.getvalue()
-    _files.write_whole(data, out / name)
+    _files.write_whole(out / name, data)
     return {name: hashlib.sha256(data).hexdigest()}
 
 

@@ -12,6 +12,7 @@ from typing import Literal
 
 import msgspec
 
+from weld_force_ros._files import TEMPORARY
 from weld_force_ros.campaign import profile_table
 from weld_force_ros.campaign.campaign_file import Campaign, SourceFile
 from weld_force_ros.campaign.profile_table import ProfileRow, RejectedRow
@@ -110,7 +111,7 @@ def _files(folder: Path) -> list[str]:
         folders[:] = [name for name in folders if not name.startswith(".")]
         below = os.path.relpath(where, folder)
         found += [os.path.normpath(os.path.join(below, name)) for name in names if not name.startswith(".")]
-    return sorted(name for name in found if not name.endswith((".part", ".partial")))
+    return sorted(name for name in found if not name.endswith((TEMPORARY, ".partial")))
 
 
 def _state(folder: Path, files: list[str]) -> str:

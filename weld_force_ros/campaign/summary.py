@@ -8,9 +8,11 @@ from typing import Any
 
 import duckdb
 
+from weld_force_ros._files import write_whole
 from weld_force_ros.campaign import plan as plans
 from weld_force_ros.campaign import query
 from weld_force_ros.campaign.plan import Plan
+from weld_force_ros.errors import InputError, os_errors_as
 from weld_force_ros.report.html_page import self_contained
 from weld_force_ros.report.numbers import short
 
@@ -76,11 +78,9 @@ def write(out: Path) -> Path:
     Raises:
         InputError: there are none, plotly or jinja2 is not installed, or the page cannot be written.
     """
-    from weld_force_ros._files import writing
-
     page = out / FILE
-    with writing(page) as file:
-        file.write(html(out))
+    with os_errors_as(InputError, page, "name a file in a writable folder"):
+        write_whole(page, html(out).encode())
     return page
 
 

@@ -1,4 +1,4 @@
-"""JSON lines of a command's results: to standard output, a file, or nowhere."""
+"""What a command writes: a text file, and JSON lines to standard output, a file, or nowhere."""
 
 import contextlib
 import sys
@@ -8,7 +8,22 @@ from typing import IO
 
 import msgspec
 
-from weld_force_ros._files import writing
+from weld_force_ros.errors import InputError, os_errors_as
+
+
+@contextlib.contextmanager
+def output_file(path: Path) -> Iterator[IO[str]]:
+    """Open a text file that a command was told to write, its folder made.
+
+    It is written in place, not renamed: it may be a pipe or a device, and somebody may follow it line by line.
+
+    Raises:
+        InputError: the place cannot be written.
+    """
+    with os_errors_as(InputError, path, "name a file in a writable folder"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("w", encoding="utf-8") as file:
+            yield file
 
 
 @contextlib.contextmanager
@@ -20,7 +35,7 @@ def lines(target: str | None) -> Iterator[IO[str] | None]:
         yield sys.stdout
         sys.stdout.flush()
     else:
-        with writing(Path(target)) as file:
+        with output_file(Path(target)) as file:
             yield file
 
 

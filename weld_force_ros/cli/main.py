@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Annotated, Any, cast, get_args
 import msgspec
 import typer
 
-from weld_force_ros._files import writing
 from weld_force_ros.cli import bag, campaign, grind, json_output, nodes, replay, report, show, study
 from weld_force_ros.cli import population as cli_population
+from weld_force_ros.cli.json_output import output_file
 from weld_force_ros.cli.options import (
     EngineName,
     Hertz,
@@ -36,7 +36,7 @@ from weld_force_ros.cli.options import (
     ZPositive,
     ZUnit,
 )
-from weld_force_ros.errors import InputError, WeldForceError
+from weld_force_ros.errors import InputError, WeldForceError, os_errors_as
 
 if TYPE_CHECKING:
     from weld_force_ros.messages import SimulationSettings
@@ -225,10 +225,8 @@ def fit(
         from weld_force_ros.report.fit_figure import fit_figure
 
         name = f"{made.track}.{made.engine}".replace("/", "_")
-        try:
+        with os_errors_as(InputError, out, "name a writable folder"):
             fit_store.write(made, out / f"{name}.json")
-        except OSError as error:
-            raise InputError(f"{out}: {error.strerror or error}", "name a writable folder") from None
         figures.save(fit_figure(definition, made), out / f"{name}.png")
         terminal.say(f"written: {out / name}.json and .png")
     if not definition.track.causal:
@@ -282,7 +280,7 @@ def _indented(content: dict[str, Any]) -> str:
 
 
 def _write(path: Path, text: str) -> None:
-    with writing(path) as file:
+    with output_file(path) as file:
         file.write(text)
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from weld_force_ros.cli import json_output
-from weld_force_ros.errors import InputError
+from weld_force_ros.errors import InputError, os_errors_as
 
 _TABLE = ".parquet"
 
@@ -40,10 +40,8 @@ def population(
 
 
 def _make_folder(folder: Path) -> None:
-    try:
+    with os_errors_as(InputError, folder, "name a writable folder"):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: {error.strerror or error}", "name a writable folder") from None
 
 
 def _check_pyarrow() -> None:

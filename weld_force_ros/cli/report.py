@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from weld_force_ros._files import writing
+from weld_force_ros.cli.json_output import output_file
 from weld_force_ros.cli.options import Limits
 from weld_force_ros.errors import InputError, WeldForceError
 
@@ -41,7 +41,7 @@ def report(of: Of, out: Out, pdf: Pdf = None, limits: Limits = None, grinding: G
             rows.append(row(number, entry))
             details.append(detail(entry))
         html = page(rows, details, title="Rail welds", about=f"from {of.absolute().name}")
-    with writing(out) as file:
+    with output_file(out) as file:
         file.write(html)
     terminal.say(f"written: {out}, {len(rows)} welds, {len(html.encode()) / 1e6:.1f} MB")
     if pdf is not None:

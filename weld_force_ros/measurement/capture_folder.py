@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from msgspec import UNSET
 
-from weld_force_ros._files import new_file
-from weld_force_ros.errors import ProfileError
+from weld_force_ros._files import whole_file
+from weld_force_ros.errors import ProfileError, os_errors_as
 from weld_force_ros.measurement.profile_file import profile_csv
 from weld_force_ros.measurement.rail_stream import Window
 from weld_force_ros.measurement.weld_marks import WeldMark
@@ -95,11 +95,11 @@ class CaptureFolder:
         text = profile_csv(profile, str(path))
         if path.exists():
             raise ProfileError(f"{path} exists", "keep one rail a folder, or name the rails")
-        try:
-            with new_file(path) as stream:
-                stream.write(text.encode())
-        except OSError as error:
-            raise ProfileError(f"{path}: {error.strerror or error}", "give a path that can be written") from None
+        with (
+            os_errors_as(ProfileError, path, "give a path that can be written"),
+            whole_file(path, fsync=True) as stream,
+        ):
+            stream.write(text.encode())
 
 
 def _printable(text: str) -> str:

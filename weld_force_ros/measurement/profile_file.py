@@ -30,7 +30,8 @@ from typing import Any, NamedTuple
 import msgspec
 from msgspec import UNSET
 
-from weld_force_ros.errors import ProfileError
+from weld_force_ros._files import whole_file
+from weld_force_ros.errors import ProfileError, os_errors_as
 from weld_force_ros.measurement.text_columns import (
     MAX_FILE_BYTES,
     Line,
@@ -122,11 +123,8 @@ def read_profile(path: Path, form: PlainForm | None = None) -> WeldProfile:
     Raises:
         ProfileError: the file cannot be read or used; one line with the file, the line, and what to do.
     """
-    try:
-        with path.open("rb") as file:
-            raw = file.read(MAX_FILE_BYTES + 1)
-    except OSError as error:
-        raise ProfileError(f"{path}: {error.strerror or error}", "give the path of a readable profile file") from None
+    with os_errors_as(ProfileError, path, "give the path of a readable profile file"), path.open("rb") as file:
+        raw = file.read(MAX_FILE_BYTES + 1)
     name = path.name.encode("utf-8", "replace").decode()  # a name may hold bytes that no message can
     return msgspec.structs.replace(parse_profile(raw, str(path), form), source=name[-200:])
 
@@ -339,10 +337,8 @@ def write_profile(profile: WeldProfile, path: Path) -> None:
         ProfileError: the profile breaks a bound, or the file cannot be written.
     """
     text = profile_csv(profile, str(path))
-    try:
-        path.write_text(text, encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise ProfileError(f"{path}: {error.strerror or error}", "give a path that can be written") from None
+    with os_errors_as(ProfileError, path, "give a path that can be written"), whole_file(path) as stream:
+        stream.write(text.encode())
 
 
 def profile_csv(profile: WeldProfile, source: str) -> str:

@@ -12,7 +12,7 @@ from typing import Annotated
 import msgspec
 from msgspec import UNSET, UnsetType
 
-from weld_force_ros._files import new_file
+from weld_force_ros._files import whole_file
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement.weld_detection import APART_M
 
@@ -172,6 +172,6 @@ class WeldMarks:
             self._is_unsaved = True
 
     def _save(self) -> None:
-        with new_file(self._file) as stream:
+        with whole_file(self._file, fsync=True) as stream:
             stream.write(msgspec.json.encode(self._state))
         self._is_unsaved = False

@@ -68,7 +68,7 @@ class _MachineCode(NullCache):  # type: ignore[misc]  # Numba ships no types for
         sealed = self._sealed(dumps(result._reduce()))
         for path in self._paths(signature, result.codegen):
             with contextlib.suppress(OSError):
-                _files.write_whole(sealed, path)
+                _files.write_whole(path, sealed)
                 return
 
     def _sealed(self, code: bytes) -> bytes:
@@ -80,7 +80,7 @@ class _MachineCode(NullCache):  # type: ignore[misc]  # Numba ships no types for
         name = f"{self._name}-{hashlib.sha256(repr(made_for).encode()).hexdigest()[:16]}.nbc"
         if numba.config.CACHE_DIR:
             return [Path(numba.config.CACHE_DIR) / "weld_force_ros" / name]
-        return [self._home / "__pycache__" / name, _files.folder("compiled") / name]
+        return [self._home / "__pycache__" / name, _files.cache_folder("compiled") / name]
 
 
 def _made_from(package: str) -> bytes:

@@ -6,11 +6,11 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from queue import SimpleQueue
 
-from weld_force_ros._files import NO_ROOM, new_file, sync_folder
+from weld_force_ros._files import sync_folder, whole_file
 from weld_force_ros.errors import BagError
-from weld_force_ros.recording.disk_space import DiskSpace
+from weld_force_ros.recording.disk_space import DISK_FULL, DiskSpace
 from weld_force_ros.recording.mcap_reader import McapFile
-from weld_force_ros.recording.mcap_writer import write_whole
+from weld_force_ros.recording.mcap_writer import write_mcap
 from weld_force_ros.recording.metadata_file import MetadataFile
 from weld_force_ros.recording.rosbag2_format import ChannelStatistics
 
@@ -60,7 +60,7 @@ class Compactor:
             else:
                 self._postponed.put(path)
         except OSError as error:
-            if error.errno in NO_ROOM:
+            if error.errno in DISK_FULL:
                 self._postponed.put(path)
             else:
                 self._failures.put(BagError(f"{path}: {error.strerror or error}", KEPT))
@@ -74,7 +74,7 @@ def _compacted(path: Path) -> ChannelStatistics:
     if file.lost_bytes:
         _keep_beside(path, path.with_name(f"{path.name}{EVIDENCE}"))
     messages = iter(()) if file.refusal else file.ordered()
-    write_whole(path, messages, file.tally)
+    write_mcap(path, messages, file.tally)
     return file.tally
 
 
@@ -85,5 +85,5 @@ def _keep_beside(path: Path, evidence: Path) -> None:
         os.link(path, evidence)
         sync_folder(path.parent)
     except OSError:  # a file system without links
-        with new_file(evidence) as target, path.open("rb") as source:
+        with whole_file(evidence, fsync=True) as target, path.open("rb") as source:
             shutil.copyfileobj(source, target)

@@ -1,5 +1,6 @@
 """How much room is left on the disk of a recording, and for how long at the rate it grows."""
 
+import errno
 import math
 import shutil
 import time
@@ -9,6 +10,9 @@ from pathlib import Path
 NEARLY_FULL_BYTES = 512 * 10**6
 NEARLY_FULL_S = 600.0
 """A disk is announced as nearly full below so many bytes, or with less room than for this time at the present rate."""
+
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
+"""The operating system's error numbers for a full disk, and for a user's full share of it."""
 
 _RATE_OVER_S = 60.0
 _SHORTEST_RATE_S = 1.0

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import msgspec
 
-from weld_force_ros._files import as_bag_error, new_file, refuse_existing
+from weld_force_ros._files import whole_file
 from weld_force_ros.errors import BagError
 from weld_force_ros.messages import Message, encode, json_schema
+from weld_force_ros.recording.bag_errors import as_bag_error, refuse_existing
 from weld_force_ros.recording.contract_messages import recorded_messages
 from weld_force_ros.recording.foxglove_layout import foxglove_layout
 from weld_force_ros.recording.mcap_writer import McapWriter
@@ -44,7 +45,7 @@ def export_json(source: Path, target: Path, *, on_refused: Callable[[BagError], 
     bag = open_bag(source)
     refuse_existing(target)
     refused_count = 0
-    with as_bag_error(target), new_file(target) as stream:
+    with as_bag_error(target), whole_file(target, fsync=True) as stream:
         writer = McapWriter(stream, chunked=True, profile="")
         for recorded, message in recorded_messages(bag):
             if isinstance(message, BagError):
@@ -66,7 +67,7 @@ def _write_layouts(target: Path, namespaces: list[str]) -> Iterator[Path]:
     for namespace in namespaces:
         name = namespace.replace("/", ".") if len(namespaces) > 1 else ""
         path = target.with_suffix(f"{name}.layout.json")
-        with as_bag_error(path), new_file(path) as stream:
+        with as_bag_error(path), whole_file(path, fsync=True) as stream:
             stream.write(foxglove_layout(namespace))
         yield path
 

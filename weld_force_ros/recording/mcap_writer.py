@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 
 from mcap.writer import Writer
 
-from weld_force_ros._files import new_file
+from weld_force_ros._files import whole_file
 from weld_force_ros.errors import BagError
 from weld_force_ros.recording.mcap_reader import McapFile, Recorded
 from weld_force_ros.recording.rosbag2_format import ChannelStatistics, MessageDefinition, information, to_yaml
@@ -125,7 +125,7 @@ class McapWriter:
         self._writer.finish()
 
 
-def write_whole(path: Path, messages: Iterable[Recorded], tally: ChannelStatistics) -> None:
+def write_mcap(path: Path, messages: Iterable[Recorded], tally: ChannelStatistics) -> None:
     """Write messages in log order as one compressed, indexed file in rosbag2's form, and read it before it is named.
 
     Args:
@@ -137,7 +137,7 @@ def write_whole(path: Path, messages: Iterable[Recorded], tally: ChannelStatisti
         BagError: what was written does not read back.
         OSError: it cannot be written.
     """
-    with new_file(path) as stream:
+    with whole_file(path, fsync=True) as stream:
         writer = McapWriter(stream, chunked=True)
         content = information({path.name: tally})
         writer.note(content)
@@ -160,5 +160,5 @@ def write_whole(path: Path, messages: Iterable[Recorded], tally: ChannelStatisti
 
 def write_metadata(directory: Path, files: Mapping[str, ChannelStatistics]) -> None:
     """Write a recording's `metadata.yaml`: its files by name, and what each holds."""
-    with new_file(directory / "metadata.yaml") as stream:
+    with whole_file(directory / "metadata.yaml", fsync=True) as stream:
         stream.write(to_yaml({"rosbag2_bagfile_information": information(files)}).encode())

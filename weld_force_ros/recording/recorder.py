@@ -11,10 +11,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from weld_force_ros._files import NO_ROOM, PART, as_bag_error, sync_folder
+from weld_force_ros._files import TEMPORARY, sync_folder
 from weld_force_ros.errors import BagError, DiskFullError
+from weld_force_ros.recording.bag_errors import as_bag_error, refusal_to_overwrite
 from weld_force_ros.recording.compaction import KEPT, Compactor
-from weld_force_ros.recording.disk_space import DiskSpace
+from weld_force_ros.recording.disk_space import DISK_FULL, DiskSpace
 from weld_force_ros.recording.disk_sync import DiskSync
 from weld_force_ros.recording.mcap_reader import McapFile
 from weld_force_ros.recording.mcap_writer import AppendFile, McapWriter
@@ -138,7 +139,7 @@ class Recorder:
                 file = self._file_for(topic, len(cdr), log_time_ns)
                 file.add(topic, definition, cdr, log_time_ns, publish_time_ns)
             except OSError as error:
-                if error.errno in NO_ROOM:
+                if error.errno in DISK_FULL:
                     self._stop()
                     raise self._full() from error
                 raise BagError(
@@ -185,9 +186,9 @@ class Recorder:
         files = sorted((int(found[1]), self.directory / name) for name in names if (found := numbered.fullmatch(name)))
         belonging = re.compile(rf"({numbered.pattern}|metadata\.yaml)(\..+)?")
         if not files and not all(belonging.fullmatch(name) for name in names):
-            raise BagError(f"{self.directory} exists and is not overwritten", "choose another name or remove it")
+            raise refusal_to_overwrite(self.directory)
         for name in names:
-            if name.endswith(PART) and belonging.fullmatch(name):
+            if name.endswith(TEMPORARY) and belonging.fullmatch(name):
                 (self.directory / name).unlink()
         if files:
             self._listing.put(*[(path, self._left(path)) for _, path in files])
@@ -243,7 +244,7 @@ class Recorder:
             else:
                 self._stop()
         except OSError as error:
-            if error.errno not in NO_ROOM:
+            if error.errno not in DISK_FULL:
                 raise
             self._stop()
 
@@ -255,7 +256,7 @@ class Recorder:
         try:
             file.finish()
         except OSError as error:
-            if error.errno not in NO_ROOM:
+            if error.errno not in DISK_FULL:
                 self._let_go(file)
             raise
         self._let_go(file)
@@ -375,7 +376,7 @@ class _OpenFile:
 def _claim(directory: Path) -> int:
     """Make a folder unless it is there, and lock it; the lock ends with the process, however that ends."""
     if directory.exists() and not directory.is_dir():
-        raise BagError(f"{directory} exists and is not overwritten", "choose another name or remove it")
+        raise refusal_to_overwrite(directory)
     if not directory.exists():
         directory.mkdir(parents=True, exist_ok=True)
         sync_folder(directory.resolve().parent)

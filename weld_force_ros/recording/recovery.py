@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
 
-from weld_force_ros._files import as_bag_error, new_folder
+from weld_force_ros._files import whole_folder
 from weld_force_ros.errors import BagError
-from weld_force_ros.recording.mcap_writer import write_metadata, write_whole
+from weld_force_ros.recording.bag_errors import as_bag_error
+from weld_force_ros.recording.mcap_writer import write_mcap, write_metadata
 from weld_force_ros.recording.reader import Bag, open_bag
 
 
@@ -53,9 +54,9 @@ def recover(source: Path, target: Path | None = None) -> RecoveryReport:
     if already:
         _check_holds(target, bag)
     else:
-        with as_bag_error(target), new_folder(target) as folder:
+        with as_bag_error(target), whole_folder(target) as folder:
             name = f"{target.resolve().name}_0.mcap"
-            write_whole(folder / name, bag.messages(), bag.tally)
+            write_mcap(folder / name, bag.messages(), bag.tally)
             write_metadata(folder, {name: bag.tally})
             if not _same(open_bag(folder), bag):
                 raise BagError(f"{target}: did not read back as written", "check the disk and try again")

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple, Protocol
 
 from msgspec import UNSET
 
-from weld_force_ros._files import as_bag_error, new_folder
+from weld_force_ros._files import whole_folder
 from weld_force_ros.errors import BagError, InputError
 from weld_force_ros.messages import ForceMap, Message, Rejection, Verdict, WeldProfile, identity
+from weld_force_ros.recording.bag_errors import as_bag_error, refuse_existing
 from weld_force_ros.recording.contract_messages import recorded_messages
 from weld_force_ros.recording.json_export import ExportReport, check_found
 from weld_force_ros.recording.reader import open_bag
@@ -259,7 +260,8 @@ def export_tables(
     _check(formats)
     bag = open_bag(source)
     message_count = refused_count = 0
-    with as_bag_error(target), new_folder(target) as folder, ExitStack() as stack:
+    refuse_existing(target)
+    with as_bag_error(target), whole_folder(target) as folder, ExitStack() as stack:
         sheets = [_Sheet(table, folder, dict.fromkeys(formats), stack) for table in TABLES]
         kinds = tuple(table.kind for table in TABLES)
         for recorded, message in recorded_messages(bag):

@@ -10,6 +10,7 @@ from typing import TypeVar
 import msgspec
 import zstandard
 
+from weld_force_ros._files import whole_file
 from weld_force_ros.messages import (
     AssessmentSettings,
     ForceHistory,
@@ -160,9 +161,8 @@ class LiveReport:
     def _write(self, number: int, entry: Record) -> None:
         if number <= self._last - len(self._rows):
             return  # dropped meanwhile
-        part = self._file(number).with_suffix(".part")
-        part.write_bytes(detail(entry))
-        part.replace(self._file(number))
+        with whole_file(self._file(number)) as stream:
+            stream.write(detail(entry))
 
     def _file(self, number: int) -> Path:
         return self._folder / f"{number}.gz"

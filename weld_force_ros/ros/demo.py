@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from weld_force_ros.errors import InputError, WeldForceError
+from weld_force_ros.errors import InputError, WeldForceError, os_errors_as
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.recording import replay
 from weld_force_ros.ros import environment
@@ -45,11 +45,9 @@ def run_demo(folder: Path, *, track: str, on_outcome: Callable[[str], None], tro
         WeldForceError: a node cannot work, or not every weld got its outcome in time.
     """
     measurements, bag = folder / "measurements", folder / "bag"
-    try:
+    with os_errors_as(InputError, folder, "name a new folder with --out"):
         folder.mkdir(parents=True)
         measurements.mkdir()
-    except OSError as error:
-        raise InputError(f"{folder}: {error.strerror or error}", "name a new folder with --out") from None
     environment.use_own_domain()
     times = _OutcomeTimes(on_outcome)
     parameters: dict[Kind, dict[str, Any]] = {

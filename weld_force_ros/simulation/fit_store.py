@@ -167,7 +167,7 @@ def fitted(
     """
     key = key_of(definition, engine)
     shipped_file = _DATA / "fits" / f"{definition.track.name}.{engine}.json"
-    cached_file = _files.folder("fits") / f"{key}.json"
+    cached_file = _files.cache_folder("fits") / f"{key}.json"
     for file in (shipped_file, cached_file):
         if (found := _read(file, key)) is not None:
             return found
@@ -182,7 +182,7 @@ def fitted(
 def keep(fit: AnyFit) -> None:
     """Put a fit into the user's cache."""
     with contextlib.suppress(OSError):  # a read-only home costs time at the next start, nothing else
-        write(fit, _files.folder("fits") / f"{fit.key}.json")
+        write(fit, _files.cache_folder("fits") / f"{fit.key}.json")
 
 
 def make(definition: TrackDefinition, engine: FittedEngine = "common-poles") -> AnyFit:
@@ -227,12 +227,12 @@ def make_rfp(
     task = rational_search.FitTask(
         definition.track, definition.wheel, degree=how.degree, section_count=how.section_count
     )
-    state_file = _files.folder("fits") / f"search-{key}.json"
+    state_file = _files.cache_folder("fits") / f"search-{key}.json"
 
     def note(progress: rational_search.Progress) -> None:
         now = progress.population
         with contextlib.suppress(OSError):
-            _files.write_whole(msgspec.json.encode(_Interrupted(key, now.generation, now.genes.tolist())), state_file)
+            _files.write_whole(state_file, msgspec.json.encode(_Interrupted(key, now.generation, now.genes.tolist())))
         if on_generation:
             on_generation(progress)
 
@@ -295,7 +295,7 @@ def _account(definition: TrackDefinition, key: str, model: PoleModel | RfpModel)
 
 def write(fit: AnyFit, path: Path) -> None:
     """Write a fit so that another process sees either the whole file or none."""
-    _files.write_whole(msgspec.json.format(msgspec.json.encode(fit), indent=0) + b"\n", path)
+    _files.write_whole(path, msgspec.json.format(msgspec.json.encode(fit), indent=0) + b"\n")
 
 
 def _read(file: resources.abc.Traversable, key: str) -> AnyFit | None:

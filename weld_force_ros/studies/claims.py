@@ -14,7 +14,8 @@ import numpy as np
 from msgspec import Meta
 
 from weld_force_ros import _yaml
-from weld_force_ros.errors import InputError
+from weld_force_ros._files import whole_file
+from weld_force_ros.errors import InputError, os_errors_as
 from weld_force_ros.studies.tables import Column, Table
 
 Measured: TypeAlias = float | bool | str | list[float]
@@ -198,10 +199,8 @@ def write(judged: Sequence[Judged], path: Path) -> None:
     Raises:
         InputError: the place cannot be written.
     """
-    try:
-        path.write_bytes(msgspec.json.format(msgspec.json.encode(judged), indent=2) + b"\n")
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}", "name a writable folder") from None
+    with os_errors_as(InputError, path, "name a writable folder"), whole_file(path) as stream:
+        stream.write(msgspec.json.format(msgspec.json.encode(judged), indent=2) + b"\n")
 
 
 def table(judged: Sequence[Judged]) -> Table:

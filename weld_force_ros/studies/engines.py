@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from weld_force_ros import SOFTWARE
-from weld_force_ros.errors import InputError
+from weld_force_ros._files import write_whole
+from weld_force_ros.errors import InputError, os_errors_as
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.track.beam import receptance
@@ -186,10 +187,8 @@ def run(
 
 
 def _make_folder(out: Path) -> None:
-    try:
+    with os_errors_as(InputError, out, "name a writable folder"):
         out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out}: {error.strerror or error}", "name a writable folder") from None
 
 
 def _simulator(track: str, engine: str, on_fit: Callable[[str], None] | None) -> Simulator:
@@ -300,4 +299,4 @@ def _write_summary(study: EnginesStudy, grids: Sequence[ReferenceGrid], path: Pa
         ],
         "paper_second_sharp_angle_kmh": PAPERS_SECOND_ANGLE_KMH,
     }
-    path.write_bytes(msgspec.json.format(msgspec.json.encode(summary), indent=2) + b"\n")
+    write_whole(path, msgspec.json.format(msgspec.json.encode(summary), indent=2) + b"\n")

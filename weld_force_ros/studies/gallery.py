@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from weld_force_ros import SOFTWARE
-from weld_force_ros.errors import InputError
+from weld_force_ros._files import whole_file
+from weld_force_ros.errors import InputError, os_errors_as
 from weld_force_ros.report.figures import save
 from weld_force_ros.studies.laboratory import StudyResult
 from weld_force_ros.studies.tables import Table
@@ -48,10 +49,8 @@ def made(folder: Path) -> Path:
     Raises:
         InputError: it cannot be made.
     """
-    try:
+    with os_errors_as(InputError, folder, "name a writable folder with --out"):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: {error.strerror or error}", "name a writable folder with --out") from None
     return folder
 
 
@@ -92,10 +91,8 @@ def write_page(
         counts=counts and _in_words(counts),
         software=SOFTWARE,
     )
-    try:
-        path.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}", "name a writable folder with --out") from None
+    with os_errors_as(InputError, path, "name a writable folder with --out"), whole_file(path) as stream:
+        stream.write(page.encode())
 
 
 def _in_words(table: Table) -> dict[str, Any]:

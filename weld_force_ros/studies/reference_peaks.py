@@ -80,4 +80,4 @@ def _write(path: Path, entries: dict[str, FloatArray]) -> None:
     """Write so that a run that is stopped leaves the whole file or none."""
     content = io.BytesIO()
     np.savez(content, **entries)  # type: ignore[arg-type]  # keywords are arrays, not allow_pickle
-    _files.write_whole(content.getvalue(), path)
+    _files.write_whole(path, content.getvalue())

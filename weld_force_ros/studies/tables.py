@@ -1,11 +1,13 @@
 """Tables of a study: written as CSV, shown on a terminal."""
 
 import csv
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from weld_force_ros.errors import InputError
+from weld_force_ros._files import whole_file
+from weld_force_ros.errors import InputError, os_errors_as
 
 Cell = str | float | bool | None
 
@@ -43,13 +45,12 @@ class Table:
         Raises:
             InputError: the place cannot be written.
         """
-        try:
-            with path.open("w", encoding="utf-8", newline="") as file:
-                writer = csv.writer(file)
-                writer.writerow([column.name for column in self.columns])
-                writer.writerows([map(_written, row) for row in self.rows])
-        except OSError as error:
-            raise InputError(f"{path}: {error.strerror or error}", "name a writable folder") from None
+        text = io.StringIO(newline="")
+        writer = csv.writer(text)
+        writer.writerow([column.name for column in self.columns])
+        writer.writerows([map(_written, row) for row in self.rows])
+        with os_errors_as(InputError, path, "name a writable folder"), whole_file(path) as stream:
+            stream.write(text.getvalue().encode())
 
 
 def _written(cell: Cell) -> str:
