@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from benchmarks import study, timing
+from benchmarks import _solvers, study, timing
 from benchmarks.study import Study
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.engines.common_poles import PoleModel
-from weld_force_ros.physics.passage import _kernel
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.state_space import first_order_hold
@@ -73,10 +72,10 @@ class SolvedPassage:
     def peak_by_runge_kutta(self) -> float:
         """Peak force by a compiled Runge-Kutta method in steps of 5 µs."""
         steps = int(self.end_s / _RUNGE_KUTTA_STEP_S) + 1
-        return float(_kernel.peak_by_runge_kutta(self.state, _RUNGE_KUTTA_STEP_S, steps, *self._equations))
+        return float(_solvers.peak_by_runge_kutta(self.state, _RUNGE_KUTTA_STEP_S, steps, *self._equations))
 
     def _force(self, t: float, y: FloatArray) -> float:
-        return float(_kernel.rate(t, y, *self._equations, self._slope))
+        return float(_solvers.rate(t, y, *self._equations, self._slope))
 
     def _rate(self, t: float, y: FloatArray) -> FloatArray:
         self._force(t, y)

@@ -24,17 +24,17 @@ PACKAGE = Path(weld_force_ros.__file__).parent
 
 KERNEL = """
 from weld_force_ros.physics._numba_cache import compiled
-from science._vector import FACTOR
+from science.parts import law
 
 @compiled(nogil=True)
 def scaled(x):
-    return FACTOR * x
+    return law.FACTOR * x
 """
 
 
 @pytest.fixture
 def science(tmp_path, monkeypatch) -> Iterator[Callable[[float], Any]]:
-    """Installs a package of two private modules, the second with a factor that the first compiles in; imports it."""
+    """Installs a package whose kernel compiles in a factor, which reaches it through two other modules; imports it."""
     monkeypatch.syspath_prepend(tmp_path / "installed")
     monkeypatch.setattr(sys, "dont_write_bytecode", True)  # two versions within a second look the same to Python
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
@@ -47,10 +47,12 @@ def science(tmp_path, monkeypatch) -> Iterator[Callable[[float], Any]]:
 
     def install(factor: float) -> Any:
         package = tmp_path / "installed" / "science"
-        package.mkdir(parents=True, exist_ok=True)
+        (package / "parts").mkdir(parents=True, exist_ok=True)
         (package / "__init__.py").touch()
+        (package / "parts" / "__init__.py").touch()
         (package / "_kernel.py").write_text(KERNEL)
-        (package / "_vector.py").write_text(f"FACTOR = {factor}\n")
+        (package / "parts" / "law.py").write_text("from ..numbers import FACTOR\n")
+        (package / "numbers.py").write_text(f"FACTOR = {factor}\n")
         forget()
         return importlib.import_module("science._kernel")
 
@@ -77,7 +79,7 @@ def test_the_next_start_compiles_nothing_for_signatures_seen(science, tmp_path):
     assert {path.parent.name for path in machine_code(tmp_path)} == {"__pycache__"}
 
 
-def test_a_change_in_the_other_module_is_compiled_and_takes_the_stale_codes_place(science, tmp_path):
+def test_a_change_in_a_module_at_second_hand_is_compiled_and_takes_the_stale_codes_place(science, tmp_path):
     called(science(2.0), 1.5)
     changed = science(5.0)
     assert called(changed, 1.5) == (7.5, 1)
@@ -171,12 +173,12 @@ with event.install_recorder("numba:compile") as importing:
     from weld_force_ros import cli, physics, recording
     for module in pkgutil.walk_packages(physics.__path__, physics.__name__ + "."):
         importlib.import_module(module.name)
-    from weld_force_ros.physics.passage import _kernel
+    from weld_force_ros.physics.passage import _contact
     from weld_force_ros.simulation.settings import simulation_settings
     from weld_force_ros.simulation.simulator import Simulator
 Simulator(simulation_settings())
 with event.install_recorder("numba:compile") as calling:
-    force = _kernel.contact_force(4e-4, 1e-9, 1e11)
+    force = _contact.contact_force(4e-4, 1e-9, 1e11)
 print(weld_force_ros.__file__, len(importing.buffer), len(calling.buffer) > 0, force)
 """
 

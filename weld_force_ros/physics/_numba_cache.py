@@ -1,17 +1,19 @@
 """Compiled functions whose machine code outlives the process.
 
 Numba's own cache knows one source file of several, demands a folder that it can write to, and stops at a damaged file.
-Here every signature of a function has a file, sealed with a digest of itself and of all that it was made from. What is
-stale or damaged is compiled again; what cannot be written is not kept.
+Here every signature of a function has a file, sealed with a digest of itself and of all that it was made from: the
+compiler's versions, and the source of the function's module and of all modules that it imports, directly or not. What
+is stale or damaged is compiled again; what cannot be written is not kept.
 """
 
+import ast
 import contextlib
 import hashlib
 import inspect
 import pickle
 import sys
-from collections.abc import Callable
-from importlib import resources
+from collections.abc import Callable, Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +30,11 @@ _SEAL_BYTES = hashlib.sha256().digest_size
 
 
 def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """`numba.njit` with `options`, its machine code kept: nothing is compiled before the first call, and then once.
+    """Return `numba.njit` with `options`, its machine code kept: compiled at the first call, and then once.
 
     Kept beside the source or, where that is read-only, in the user's cache; in NUMBA_CACHE_DIR alone if that is set.
-    What a function uses from other modules is compiled in: those must be private modules of its package.
+    What a function uses is compiled in. It must come from modules that are imported at the top of its own, of the same
+    package or of this one.
     """
 
     def decorate(function: Callable[..., Any]) -> Any:
@@ -50,7 +53,7 @@ class _MachineCode(NullCache):  # type: ignore[misc]  # Numba ships no types for
         self._name = function.__name__
         self._home = Path(inspect.getfile(function)).parent
         # Read now: by the first call the sources may no longer be those that were imported.
-        self._made_from = _made_from(function.__module__.rpartition(".")[0])
+        self._made_from = _made_from(function.__module__)
 
     def load_overload(self, signature: Any, target: Any) -> CompileResult | None:
         target.refresh()
@@ -83,11 +86,43 @@ class _MachineCode(NullCache):  # type: ignore[misc]  # Numba ships no types for
         return [self._home / "__pycache__" / name, _files.cache_folder("compiled") / name]
 
 
-def _made_from(package: str) -> bytes:
-    """Digest of the compiler, and of the sources that may be compiled in."""
+def _made_from(module: str) -> bytes:
+    """Return a digest of the compiler and of the sources that may be compiled into a function of `module`."""
     digest = hashlib.sha256(repr((numba.__version__, llvmlite.__version__, np.__version__)).encode())
-    private = [file for file in resources.files(package).iterdir() if file.name.startswith("_") and file.is_file()]
-    own = resources.files(__package__) / Path(__file__).name
-    for source in [own, *sorted(private, key=lambda file: file.name)]:
-        digest.update(source.name.encode() + source.read_bytes())
+    for name, source in sorted(_sources(module).items()):
+        digest.update(name.encode() + source)
     return digest.digest()
+
+
+def _sources(module: str) -> dict[str, bytes]:
+    """Return the sources of a module and of all that it imports from its own package and this one."""
+    packages = {module.partition(".")[0], __name__.partition(".")[0]}
+    found: dict[str, bytes] = {}
+    waiting = [module, __name__]
+    while waiting:
+        name = waiting.pop()
+        file = getattr(sys.modules.get(name), "__file__", None)
+        if file is None or name in found or name.partition(".")[0] not in packages:
+            continue
+        found[name] = Path(file).read_bytes()
+        if name != __name__:  # what keeps machine code is not compiled in
+            inside = f"{name}.__init__" if Path(file).stem == "__init__" else name
+            waiting += _imported(inside, found[name])
+    return found
+
+
+@lru_cache(64)
+def _imported(module: str, source: bytes) -> tuple[str, ...]:
+    """Return names of modules that may be imported at the top of a source, objects in them included."""
+    return tuple(_names(module, ast.parse(source)))
+
+
+def _names(module: str, tree: ast.Module) -> Iterator[str]:
+    for node in tree.body:
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = module.split(".")[: -node.level] if node.level else []
+            origin = ".".join([*above, *([node.module] if node.module else [])])
+            yield origin
+            yield from (f"{origin}.{alias.name}" for alias in node.names)

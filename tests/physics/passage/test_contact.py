@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from weld_force_ros.physics.passage._kernel import contact_force
+from weld_force_ros.physics.passage._contact import contact_force
 from weld_force_ros.physics.passage.state_space import first_order_hold
 
 

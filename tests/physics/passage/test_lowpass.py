@@ -109,7 +109,7 @@ def test_asking_changes_nothing_else(vehicle_tracks, monkeypatch, name):
     assert through(asked).shape == (len(CUTOFFS_HZ), len(speeds), len(positions))
     for before, after in zip(columns(plain), columns(asked), strict=True):
         np.testing.assert_array_equal(before, after)
-    monkeypatch.setattr(batch, "SIDE_BY_SIDE", False)
+    monkeypatch.setattr(batch, "USE_SIMD", False)
     vehicle_track = VehicleTrackModel(vehicle_tracks[name].model, vehicle_tracks[name].wheel)
     plain, one_by_one = (
         vehicle_track.peak_map(shape, speeds, positions, low_passed=asking) for asking in (False, True)

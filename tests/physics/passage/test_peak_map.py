@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement.shapes import cosine_dip
-from weld_force_ros.physics.passage import _kernel, batch, steady_state
+from weld_force_ros.physics.passage import _scalar_passage, batch, steady_state
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.peak_map import TOLERANCE
 from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
@@ -40,7 +40,7 @@ def test_peaks_are_those_of_the_shortest_steps_and_a_long_run_out(
     found = vehicle_track(name).peak_map(shape, [speed_kmh], [position_m])
     with monkeypatch.context() as patient:
         patient.setattr(steady_state, "LONGEST_STEP_M", steady_state.GRID_M)
-        patient.setattr(batch, "ECHO_S", 0.5)
+        patient.setattr(batch, "TRANSIENT_WINDOW_S", 0.5)
         patient.setattr(batch, "RUN_OUT_S", 0.5)
         exact = vehicle_track(name).peak_map(shape, [speed_kmh], [position_m])
     peak = exact.peak_force_n[0, 0]
@@ -111,7 +111,7 @@ def test_sampled_is_the_spline_inside_and_zero_outside(first_m, step_m, heights)
     knots = 0.1 + piece_m * np.arange(len(heights))
     spline = CubicSpline(knots, heights)
     rows = np.empty((1, 50))
-    _kernel.sampled(spline.c, piece_m, knots[0], np.array([first_m]), step_m, rows)
+    _scalar_passage.sampled(spline.c, piece_m, knots[0], np.array([first_m]), step_m, rows)
     at = first_m + step_m * np.arange(50)
     clear = np.abs(at[:, None] - knots[[0, -1]]).min(axis=1) > 1e-9
     expected = np.where((at > knots[0]) & (at < knots[-1]), spline(at), 0.0)

@@ -63,7 +63,7 @@ def test_lanes_equal_the_scalar_kernel(
 ):
     shape, track = cosine(length_m, depth_um * 1e-6), altered(vehicle_track(name), softness, pitch, spacing_m)
     with monkeypatch.context() as one_by_one:
-        one_by_one.setattr(batch, "SIDE_BY_SIDE", False)
+        one_by_one.setattr(batch, "USE_SIMD", False)
         try:
             scalar = VehicleTrackModel(track.model, track.wheel).peak_map(shape, speeds, positions)
         except NumericalError as refused:  # an altered fit on which no force settles: both say so
@@ -84,7 +84,7 @@ def test_lanes_equal_the_scalar_kernel(
 def test_contact_loss_is_the_same_in_lanes(monkeypatch):
     flat, speeds = cosine(0.1, 0.9e-3), [150.0, 200.0, 250.0, 300.0]
     fast = vehicle_track("johansson-nielsen").peak_map(flat, speeds, [0.1, 0.4])
-    monkeypatch.setattr(batch, "SIDE_BY_SIDE", False)
+    monkeypatch.setattr(batch, "USE_SIMD", False)
     plain = vehicle_track("johansson-nielsen").peak_map(flat, speeds, [0.1, 0.4])
     assert fast.contact_loss_s.min() > 1e-4
     np.testing.assert_allclose(fast.contact_loss_s, plain.contact_loss_s, rtol=1e-9)

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from weld_force_ros.errors import InputError
+from weld_force_ros.physics.analysis import _straightedge
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage import _kernel
 
 MUCH_LARGER = 2.0
 
@@ -143,7 +143,7 @@ def straightedge_gap(x_m: ArrayLike, z_m: ArrayLike) -> float:
     """
     x, z = _checked(x_m, z_m)
     grid = np.arange(x[0] - STRAIGHTEDGE_M, x[-1] + STRAIGHTEDGE_M, _SAMPLING_M)
-    return float(_kernel.straightedge_gap(np.interp(grid, x, z), round(STRAIGHTEDGE_M / _SAMPLING_M)))
+    return float(_straightedge.straightedge_gap(np.interp(grid, x, z), round(STRAIGHTEDGE_M / _SAMPLING_M)))
 
 
 def _checked(x_m: ArrayLike, z_m: ArrayLike) -> tuple[FloatArray, FloatArray]:

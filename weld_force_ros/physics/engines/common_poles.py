@@ -85,7 +85,7 @@ class PoleModel:
         rest = -shape[0] * (1 / self.poles_rad_s + new) / within
         return Propagation(
             decay=np.stack([decay.real, decay.imag]),
-            turn=np.stack([within.real, within.imag]),
+            input_scale=np.stack([within.real, within.imag]),
             transitions=np.empty((0, 2 * len(decay), 2 * len(decay))),
             drives=drives,
             shapes=_in_pairs((shape * within).conj()),

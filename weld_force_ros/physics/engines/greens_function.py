@@ -36,7 +36,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from weld_force_ros.errors import NumericalError
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
-from weld_force_ros.physics.passage import _kernel, lowpass
+from weld_force_ros.physics.passage import _convolution, lowpass
 from weld_force_ros.physics.passage.passage import History, checked_axis, checked_speeds
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.wheel import Wheel
@@ -167,7 +167,7 @@ class GreensFunctionModel:
         x = step_m * np.arange(begin, int(np.ceil(last_m / step_m)) + 1)
         irregularity = wheel_path.at(x - position_m)
         columns = np.empty((len(x), 3))
-        _kernel.passage_by_convolution(
+        _convolution.passage_by_convolution(
             responses.rows, responses.nodes, responses.weights, begin, memory, -irregularity, self._physics,
             responses.dt, columns,
         )  # fmt: skip
@@ -202,7 +202,7 @@ class GreensFunctionModel:
         rows = np.empty((len(nodes), len(lag)))
 
         def follow(n: int) -> None:
-            _kernel.moving_response(*_parts(strength * behind[:, n]), *tables, *turn, int(nodes[n]), rows[n])
+            _convolution.moving_response(*_parts(strength * behind[:, n]), *tables, *turn, int(nodes[n]), rows[n])
 
         list(pool.map(follow, range(len(nodes))))
         in_band, exact = spectrum.jump(lag)

@@ -10,7 +10,7 @@ u[n+1] = E u[n] + f[n], and y[n] = Re(C u[n]) + g f[n] with C = 2 r (E b + a) an
 force's departure from the smooth rail's; what the smooth rail leaves of itself is periodic, known, and added.
 
 A filter above the wheelset's resonance on the track lets the weld's echo pass: for it a passage goes on until the echo
-can no longer exceed what was seen (`physics.passage._kernel`). Below, the echo is swift, and all that the filter
+can no longer exceed what was seen (`physics.passage.batch`). Below, the echo is swift, and all that the filter
 will still notice of it is in the wheel: M v' = -f for departures from smooth rail, so that the rest of f amounts to an
 impulse M v with the moment -M w about the end. A state q = (E b + a) u + b f goes on as (q + M (v + p w)) e^(p t), and
 the greatest may come then, after the passage.

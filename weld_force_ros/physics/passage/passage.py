@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from weld_force_ros.errors import InputError, NumericalError
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage import _kernel
-from weld_force_ros.physics.passage.batch import ECHO_S
+from weld_force_ros.physics.passage import _scalar_passage
+from weld_force_ros.physics.passage.batch import TRANSIENT_WINDOW_S
 from weld_force_ros.physics.passage.peak_map import TOLERANCE, PeakMap, PeakMapSolver, executor
 from weld_force_ros.physics.passage.state_space import StateModel
 from weld_force_ros.physics.passage.steady_state import SteadyStateSolver
@@ -146,10 +146,9 @@ class VehicleTrackModel:
         irregularity = wheel_path.at(x - position_m)
         state, step = solver.initial_state(steady_state, start), steady_state.step
         result = np.empty((steps, 3))
-        _kernel.history_of_passage(
-            state[:-3], state[-3:], step.decay, step.transitions, step.drives, step.shapes, step.gains, start,
-            -irregularity, solver.physics, steady_state.dt_s, result,
-        )  # fmt: skip
+        _scalar_passage.history_of_passage(
+            state[:-3], state[-3:], step, start, -irregularity, solver.physics, steady_state.dt_s, result
+        )
         if not np.all(np.isfinite(result)):
             raise NumericalError("the passage did not stay finite; the fit of this track cannot be used at that speed")
         return History(x, result[:, 0], -result[:, 1], -result[:, 2], irregularity)
@@ -160,7 +159,7 @@ class VehicleTrackModel:
         first_m, end_m = wheel_path.nonzero_extent_m
         first = self.solver.start(position_m + first_m)
         state = self.solver.initial_state(steady_state, first)
-        last_m = position_m + end_m + 2 * ECHO_S * speed_kmh / 3.6
+        last_m = position_m + end_m + 2 * TRANSIENT_WINDOW_S * speed_kmh / 3.6
         return Start(first * self.solver.grid_m, last_m, steady_state.dt_s, state[:-3], state[-3:])
 
 

@@ -1,4 +1,4 @@
-"""A fitted track as the kernel steps it: linear states under a force that moves along the span.
+"""A fitted track as the compiled passages step it: linear states under a force that moves along the span.
 
 For a force that is linear within each step, the states q under the moving contact obey exactly
 
@@ -10,22 +10,20 @@ contact meets within the step stands alone. Where E is diagonal, s is scaled by 
 the same for every step length and speed.
 """
 
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 
 
-@dataclass(frozen=True)
-class Propagation:
+class Propagation(NamedTuple):
     """One step of the rail's states, for each grid point of a span that the contact may stand on.
 
     Attributes:
         decay: (2, n_state // 2), real and imaginary part of E for states in pairs (re, im); unused if dense.
         transitions: (n_grid, n_state, n_state), E from each grid point to the next; (0, ...) where `decay` serves.
-        turn: as `decay`, E b + a of states that are scaled by it; unused if dense.
+        input_scale: as `decay`, E b + a of states that are scaled by it; unused if dense.
         drives: (n_grid, n_state), (E b + a) d, or d of states that are scaled.
         shapes: (n_grid, n_state), c, or c (E b + a) of states that are scaled.
         gains: (n_grid,), m/N, c b d.
@@ -33,7 +31,7 @@ class Propagation:
     """
 
     decay: FloatArray
-    turn: FloatArray
+    input_scale: FloatArray
     transitions: FloatArray
     drives: FloatArray
     shapes: FloatArray
@@ -46,14 +44,14 @@ class StateModel(Protocol):
 
     @property
     def spacing_m(self) -> float:
-        """The span that it repeats with."""
+        """Return the span that it repeats with."""
 
     def propagation(self, at_m: FloatArray, dt_s: float) -> Propagation:
-        """A step of `dt_s` from each point of `at_m` (n_grid,), which covers a span once, to the next."""
+        """Return a step of `dt_s` from each point of `at_m` (n_grid,), which covers a span once, to the next."""
 
 
 def first_order_hold(poles: ComplexArray, dt_s: float | FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """E, a and b of q' = p q + f for f linear within a step, each of the shape of `poles` (broadcast with `dt_s`).
+    """Return E, a and b of q' = p q + f for f linear within a step, each shaped as `poles` (with `dt_s`).
 
     E = exp(z), a = dt (phi1 - phi2), b = dt phi2 with phi1 = (E - 1) / z, phi2 = (E - 1 - z) / z^2, z = p dt.
     """
@@ -71,7 +69,7 @@ def first_order_hold(poles: ComplexArray, dt_s: float | FloatArray) -> tuple[Com
 
 
 def exponentials(matrices: FloatArray) -> FloatArray:
-    """Matrix exponential of many small matrices at once, (n, m, m): Taylor series of degree 13 by scaling and squaring.
+    """Return the exponentials of many small matrices, (n, m, m): Taylor series of degree 13, scaling and squaring.
 
     `scipy.linalg.expm` takes them one by one, a hundred times slower.
     """
@@ -88,7 +86,7 @@ def exponentials(matrices: FloatArray) -> FloatArray:
 
 
 def dense_propagation(rates: FloatArray, inputs: FloatArray, at_rest: FloatArray) -> Propagation:
-    """Steps of z' = A z + c f whose coefficients change along the span; the rail's displacement is z[0].
+    """Return steps of z' = A z + c f whose coefficients change along the span; the rail's displacement is z[0].
 
     Each step takes the coefficients at its middle, its exponential is exact for those.
 
@@ -111,7 +109,7 @@ def dense_propagation(rates: FloatArray, inputs: FloatArray, at_rest: FloatArray
     shapes[:, 0] = 1.0
     return Propagation(
         decay=np.empty((2, 0)),
-        turn=np.empty((2, 0)),
+        input_scale=np.empty((2, 0)),
         transitions=transitions,
         drives=np.einsum("nij,nj->ni", transitions, arriving) + old,
         shapes=shapes,

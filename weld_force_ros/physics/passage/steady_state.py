@@ -1,6 +1,7 @@
-"""A wheel that has rolled on smooth rail for ever: the state that every passage begins in, speed by speed.
+"""The periodic state of a wheel on smooth rail, in which every passage begins, speed by speed.
 
-From rest (static deflection) it is rolled span by span until the force repeats. All passages of a speed share that.
+From rest (static deflection) the wheel passes span after span until the force repeats. All passages of a speed share
+that state.
 """
 
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ import numpy as np
 
 from weld_force_ros.errors import NumericalError
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage import _kernel
+from weld_force_ros.physics.passage import _scalar_passage
 from weld_force_ros.physics.passage.state_space import Propagation, StateModel
 from weld_force_ros.physics.passage.wheel import Wheel
 
@@ -43,7 +44,7 @@ class SteadyState:
 
 
 class SteadyStateSolver:
-    """A wheel on a fitted track with a grid of contact points over the span."""
+    """Finds the periodic state of a wheel on a fitted track, with a grid of contact points over the span."""
 
     def __init__(self, model: StateModel, wheel: Wheel) -> None:
         self.model = model
@@ -55,22 +56,22 @@ class SteadyStateSolver:
         self.physics = np.array([wheel.mass_kg, wheel.static_load_n, wheel.hertz_n_per_m15])
 
     def start(self, first_m: float) -> int:
-        """The grid point, one that every stride meets, at or before a place."""
+        """Return the grid point, one that every stride meets, at or before a place."""
         return self.longest_stride * int(np.floor(first_m / (self.longest_stride * self.grid_m)))
 
     def steps(self, stride: int, length_m: float) -> int:
-        """Steps that cover a length."""
+        """Return the number of steps that cover a length."""
         return int(np.ceil(length_m / (stride * self.grid_m)))
 
     def coarsest_stride(self, speed_kmh: float) -> int:
-        """The longest stride whose step is short enough in time, or 1."""
+        """Return the longest stride whose step is short enough in time, or 1."""
         stride = self.longest_stride
         while stride > 1 and stride * self.grid_m > LONGEST_STEP_S * speed_kmh / 3.6:
             stride //= 2
         return stride
 
     def steady_state(self, speed_kmh: float, stride: int) -> SteadyState:
-        """The state over smooth rail at a speed.
+        """Return the periodic state on smooth rail at a speed.
 
         Raises:
             NumericalError: the force does not settle.
@@ -78,24 +79,20 @@ class SteadyStateSolver:
         step_m = stride * self.grid_m
         dt = step_m / (speed_kmh / 3.6)
         step = self.model.propagation(step_m * np.arange(self.grid // stride), dt)
-        rail, wheel = self._at_rest(step)
+        load = self.wheel.static_load_n
+        # From static deflection over the sleeper.
+        rail = step.at_rest * load
+        deflection = float(step.shapes[0] @ rail + step.gains[0] * load)
+        wheel = np.array([deflection + self.wheel.static_indentation_m, 0.0, load])
         states = np.empty((self.grid // stride, len(rail) + 3))
-        spans = _kernel.settle_to_periodic(
-            rail, wheel, step.decay, step.transitions, step.drives, step.shapes, step.gains, self.physics, dt,
-            _SETTLED * self.wheel.static_load_n, _MOST_SPANS, states,
-        )  # fmt: skip
+        spans = _scalar_passage.settle_to_periodic(
+            rail, wheel, step, self.physics, dt, _SETTLED * load, _MOST_SPANS, states
+        )
         if spans < 0:
             raise NumericalError(f"the force on smooth rail does not settle at {speed_kmh:g} km/h; fit the track anew")
         starts = states[:: self.longest_stride // stride].copy()
         return SteadyState(stride, dt, step, starts, states[:, -1].copy(), states[:, -3:].copy())
 
     def initial_state(self, steady_state: SteadyState, start: int) -> FloatArray:
-        """State at a start, (n_state + 3,)."""
+        """Return the state at a start, (n_state + 3,)."""
         return np.array(steady_state.states[start // self.longest_stride % len(steady_state.states)])
-
-    def _at_rest(self, step: Propagation) -> tuple[FloatArray, FloatArray]:
-        """Static state over the sleeper: rail states, and displacement, velocity and force of the wheel."""
-        load = self.wheel.static_load_n
-        rail = step.at_rest * load
-        deflection = float(step.shapes[0] @ rail + step.gains[0] * load)
-        return rail, np.array([deflection + self.wheel.static_indentation_m, 0.0, load])

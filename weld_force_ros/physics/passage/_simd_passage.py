@@ -1,0 +1,334 @@
+"""Compiled: passages at sixteen speeds and two places side by side, on one grid: a lane each. Common poles only."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from weld_force_ros.physics._numba_cache import compiled
+from weld_force_ros.physics.passage._contact import (
+    CHECK_EVERY_STEPS,
+    FAST_MATH,
+    Filters,
+    copy,
+    extremes,
+    filtered_transient_decayed,
+    transient_decayed,
+    vertex,
+)
+from weld_force_ros.physics.passage._simd import (
+    LANES,
+    SPEEDS,
+    double,
+    load,
+    load_two,
+    magnitude,
+    multiply_add,
+    single,
+    splat,
+    spread_two,
+    square_root,
+    store,
+    where_greater,
+)
+
+# Rows of the working array that lanes are checked by.
+_TOP_BEFORE, _TOP, _TOP_AFTER, _PLACE, _SECONDS_APART, _SECOND_DIFFERENCE, _LEAST, _TRANSIENT = range(8)
+_WHEEL = 8
+_ROWS = 11
+
+
+class SpeedBlocks(NamedTuple):
+    """Blocks of sixteen speeds.
+
+    Attributes:
+        decay: (n_block, 2, n_mode, LANES), E.
+        input_scale: as `decay`, takes a drive to the shape.
+        drives: (n_grid, n_state), of all speeds.
+        gains: (n_block, n_grid, SPEEDS).
+        smooth_n: (n_block, n_grid, SPEEDS), force on smooth rail.
+        windows: (n_block, LANES), steps through which a transient has to have decayed.
+        run_outs: (n_block, LANES), most steps behind the weld.
+        dt_s: (n_block, LANES).
+    """
+
+    decay: np.ndarray
+    input_scale: np.ndarray
+    drives: np.ndarray
+    gains: np.ndarray
+    smooth_n: np.ndarray
+    windows: np.ndarray
+    run_outs: np.ndarray
+    dt_s: np.ndarray
+
+
+class PlacePairs(NamedTuple):
+    """Pairs of places, each at a block of speeds.
+
+    Attributes:
+        speed_blocks: (n_pair,), which block.
+        initial_states: (n_pair, n_state + 3, LANES), where the passages start.
+        starts: (n_pair, 2), grid point.
+        ends: (n_pair, 2), steps until the weld is behind.
+        irregularity_m: (n_pair, 2, n), from the start on, zero beyond.
+    """
+
+    speed_blocks: np.ndarray
+    initial_states: np.ndarray
+    starts: np.ndarray
+    ends: np.ndarray
+    irregularity_m: np.ndarray
+
+
+@compiled(nogil=True, fastmath=FAST_MATH)
+def _advance_filters(filters: Filters, departures, filtered, levels, speed_block, j, k):
+    """Take the filters of a speed block over the last steps, since the last check, to grid points j and k.
+
+    All steps of one mode before the next, as so long its numbers stay in registers. Flat arrays of lanes: `departures`
+    from the smooth rail's force, with the one before these steps; `filtered` and `levels`, each filter's states and
+    five levels (see `_scalar_passage._add_level`), are moved on.
+    """
+    n_filters, n_modes, grid = filters.decay.shape[2], filters.decay.shape[3], filters.smooth_n.shape[2]
+    decays, shapes, gains, smooth = (
+        filters.decay.ravel(), filters.shapes.ravel(), filters.gains.ravel(), filters.smooth_n.ravel()
+    )  # fmt: skip
+    zero, block = splat(0.0), np.empty(CHECK_EVERY_STEPS * LANES)
+    first, first_other = (j - CHECK_EVERY_STEPS + 1) % grid, (k - CHECK_EVERY_STEPS + 1) % grid
+    for q in range(n_filters):
+        row = speed_block * n_filters + q
+        gain, at, at_other = load(gains, row), first, first_other
+        for n in range(CHECK_EVERY_STEPS):
+            settled = load_two(smooth, row * grid + at, row * grid + at_other)
+            store(block, n, multiply_add(gain, load(departures, n + 1), settled))
+            at = at + 1 if at + 1 < grid else 0
+            at_other = at_other + 1 if at_other + 1 < grid else 0
+        for p in range(n_modes * q, n_modes * q + n_modes):
+            real = 2 * n_filters * n_modes * speed_block + p
+            imag = n_filters * n_modes * (2 * speed_block + 1) + p
+            decay_re, decay_im, shape_re = load(decays, real), load(decays, imag), load(shapes, real)
+            minus_decay_im, minus_shape_im = zero - decay_im, zero - load(shapes, imag)
+            re, im = load(filtered, 2 * p), load(filtered, 2 * p + 1)
+            for n in range(CHECK_EVERY_STEPS):
+                new_re = multiply_add(decay_re, re, multiply_add(minus_decay_im, im, load(departures, n)))
+                im = multiply_add(decay_re, im, decay_im * re)
+                re = new_re
+                store(block, n, multiply_add(shape_re, re, multiply_add(minus_shape_im, im, load(block, n))))
+            store(filtered, 2 * p, re)
+            store(filtered, 2 * p + 1, im)
+        _add_levels(levels, q, block)
+
+
+@compiled(nogil=True, fastmath=FAST_MATH, inline="always")
+def _add_levels(levels, q, block):
+    """Move filter q's levels on by the samples of `block`."""
+    before, level, top_before = load(levels, 5 * q), load(levels, 5 * q + 1), load(levels, 5 * q + 2)
+    top, top_after = load(levels, 5 * q + 3), load(levels, 5 * q + 4)
+    for n in range(CHECK_EVERY_STEPS):
+        after = load(block, n)
+        top_before = where_greater(level, top, before, top_before)
+        top_after = where_greater(level, top, after, top_after)
+        top = where_greater(level, top, level, top)
+        before, level = level, after
+    store(levels, 5 * q, before)
+    store(levels, 5 * q + 1, level)
+    store(levels, 5 * q + 2, top_before)
+    store(levels, 5 * q + 3, top)
+    store(levels, 5 * q + 4, top_after)
+
+
+@compiled(nogil=True, fastmath=FAST_MATH, inline="always")
+def _advance_rail(
+    rail, force, irregularity, decays, input_scales, real_row, imag_row, drives, n_state, j, k, j_ahead, k_ahead
+):
+    """Take the rail's states a step on.
+
+    Return the sums of their real and imaginary parts, which the displacement is the difference of, the first with
+    the irregularity added.
+    """
+    zero = splat(0.0)
+    displacement_re, displacement_im = irregularity, zero
+    for p in range(n_state // 2):
+        re, im = load(rail, 2 * p), load(rail, 2 * p + 1)
+        decay_re, decay_im = load(decays, real_row + p), load(decays, imag_row + p)
+        scale_re, scale_im = load(input_scales, real_row + p), load(input_scales, imag_row + p)
+        here_re = spread_two(drives, j * n_state + 2 * p, k * n_state + 2 * p)
+        here_im = spread_two(drives, j * n_state + 2 * p + 1, k * n_state + 2 * p + 1)
+        there_re = spread_two(drives, j_ahead * n_state + 2 * p, k_ahead * n_state + 2 * p)
+        there_im = spread_two(drives, j_ahead * n_state + 2 * p + 1, k_ahead * n_state + 2 * p + 1)
+        new_re = multiply_add(decay_re, re, multiply_add(zero - decay_im, im, here_re * force))
+        new_im = multiply_add(decay_re, im, multiply_add(decay_im, re, here_im * force))
+        store(rail, 2 * p, new_re)
+        store(rail, 2 * p + 1, new_im)
+        shape_re = multiply_add(scale_re, there_re, (zero - scale_im) * there_im)
+        shape_im = multiply_add(scale_re, there_im, scale_im * there_re)
+        displacement_re = multiply_add(shape_re, new_re, displacement_re)
+        displacement_im = multiply_add(shape_im, new_im, displacement_im)
+    return displacement_re, displacement_im
+
+
+@compiled(nogil=True, fastmath=FAST_MATH, inline="always")
+def _square_root_of_indentation(gap, stiffness):
+    """Return u of u^2 + stiffness u^3 = gap, as `_contact.contact_force` has it.
+
+    The first guess and its improvement are in single precision, the last two steps with the slope known by then.
+    """
+    one = splat(1.0)
+    one_single, two_single, three_single = single(one), single(splat(2.0)), single(splat(3.0))
+    gap_single, stiffness_single = single(gap), single(stiffness)
+    guess = square_root(
+        gap_single / multiply_add(stiffness_single, square_root(gap_single), one_single)
+    ) + single(splat(1e-30))  # fmt: skip
+    for _ in range(3):
+        bent = stiffness_single * guess
+        inverse = one_single / (guess * multiply_add(three_single, bent, two_single))
+        guess = guess - (guess * guess * (one_single + bent) - gap_single) * inverse
+    root, slope = double(guess), double(inverse)
+    for _ in range(2):
+        root = root - (root * root * multiply_add(stiffness, root, one) - gap) * slope
+    return root
+
+
+@compiled(nogil=True, fastmath=FAST_MATH, inline="always")
+def _write_extremes(lane, working, row):
+    peak, offset = vertex(
+        working[_TOP_BEFORE * LANES + lane], working[_TOP * LANES + lane], working[_TOP_AFTER * LANES + lane]
+    )
+    row[0], row[1] = peak, working[_PLACE * LANES + lane] + offset
+    row[2], row[3] = working[_LEAST * LANES + lane], working[_SECONDS_APART * LANES + lane]
+    row[4] = working[_SECOND_DIFFERENCE * LANES + lane]
+
+
+@compiled(nogil=True, fastmath=FAST_MATH, inline="always")
+def _write_end(lane, n, working, filtered, levels, n_filters, row):
+    row[5] = n
+    if not np.isfinite(working[_WHEEL * LANES + lane]):
+        row[0] = np.nan
+    if n_filters > 0:
+        for q in range(n_filters):
+            top_at = (5 * q + 3) * LANES + lane
+            row[6 + q] = vertex(levels[top_at - LANES], levels[top_at], levels[top_at + LANES])[0]
+        for p in range(filtered.shape[0] // LANES):
+            row[6 + n_filters + p] = filtered[p * LANES + lane]
+        for s in range(3):
+            row[s - 3] = working[(_WHEEL + s) * LANES + lane]
+
+
+@compiled(nogil=True, fastmath=FAST_MATH)
+def peaks_in_lanes(pairs: PlacePairs, blocks: SpeedBlocks, filters: Filters, physics, negligible_n, results):
+    """Simulate passages as `_scalar_passage.peaks_at_speed` does, with its results: (n_pair, LANES, 6 + n_end)."""
+    n_grid, n_state = blocks.drives.shape
+    n_modes, irregular = n_state // 2, pairs.irregularity_m.shape[2]
+    decays, input_scales = blocks.decay.ravel(), blocks.input_scale.ravel()
+    drives, gain_rows, smooth_rows = blocks.drives.ravel(), blocks.gains.ravel(), blocks.smooth_n.ravel()
+    irregularities, all_dts, filter_rows = pairs.irregularity_m.ravel(), blocks.dt_s.ravel(), filters.smooth_n.ravel()
+    n_filters = filters.decay.shape[2]
+    filtered, levels = np.empty(2 * n_filters * filters.decay.shape[3] * LANES), np.empty(5 * n_filters * LANES)
+    departures = np.empty((CHECK_EVERY_STEPS + 1) * LANES)
+    smooth_high, smooth_low = np.empty(SPEEDS), np.empty(SPEEDS)
+    rail, working = np.empty(n_state * LANES), np.empty(_ROWS * LANES)
+    next_checks, active, ended = np.empty(LANES, np.int64), np.empty(LANES, np.bool_), np.empty(LANES, np.bool_)
+    zero, one, two = splat(0.0), splat(1.0), splat(2.0)
+    half, third = splat(0.5), splat(1.0 / 3.0)
+    load_n, hertz = splat(physics[1]), splat(physics[2])
+    for i in range(pairs.speed_blocks.shape[0]):
+        block = pairs.speed_blocks[i]
+        real_row, imag_row, grid_row = 2 * n_modes * block, (2 * block + 1) * n_modes, n_grid * block
+        dt = load(all_dts, block)
+        dt_over_mass = dt / splat(physics[0])
+        own = dt * dt_over_mass * splat(1.0 / 6.0)
+        for speed in range(SPEEDS):
+            smooth_high[speed], smooth_low[speed] = extremes(blocks.smooth_n[block, :, speed])
+        initial = pairs.initial_states[i].ravel()
+        copy(initial[: n_state * LANES], rail)
+        wheel, velocity, force = load(initial, n_state), load(initial, n_state + 1), load(initial, n_state + 2)
+        before, top, top_before, top_after, least = force, force, force, force, force
+        place, steps_apart, second_difference, transient = zero, zero, zero, zero
+        for lane in range(LANES):
+            next_checks[lane] = pairs.ends[i, lane // SPEEDS] + blocks.windows[block, lane]
+            active[lane], ended[lane] = True, False
+        n_active = LANES
+        j, k = pairs.starts[i, 0] % n_grid, pairs.starts[i, 1] % n_grid
+        filtered[:] = 0.0
+        for q in range(n_filters):
+            row = (block * n_filters + q) * n_grid
+            for s in range(5):
+                store(levels, 5 * q + s, load_two(filter_rows, row + j, row + k))
+        store(departures, 0, force - load_two(smooth_rows, grid_row + j, grid_row + k))
+        n = 0
+        while n_active > 0:
+            n += 1
+            j_ahead = j + 1 if j + 1 < n_grid else 0
+            k_ahead = k + 1 if k + 1 < n_grid else 0
+            irregularity = zero
+            if n < irregular:
+                irregularity = spread_two(irregularities, 2 * i * irregular + n, (2 * i + 1) * irregular + n)
+            displacement_re, displacement_im = _advance_rail(
+                rail, force, irregularity, decays, input_scales, real_row, imag_row, drives, n_state, j, k, j_ahead,
+                k_ahead,
+            )  # fmt: skip
+            free_wheel = multiply_add(
+                dt, multiply_add(dt_over_mass, half * load_n - third * force, velocity), wheel
+            )  # fmt: skip
+            gap = free_wheel - displacement_re + displacement_im
+            gap = where_greater(gap, zero, gap, zero)
+            stiffness = (load_two(gain_rows, grid_row + j_ahead, grid_row + k_ahead) + own) * hertz
+            root = _square_root_of_indentation(gap, stiffness)
+            after = where_greater(gap, zero, hertz * root * root * root, zero)
+            wheel = free_wheel - own * after
+            velocity = multiply_add(dt_over_mass, load_n - half * (force + after), velocity)
+            top_before = where_greater(force, top, before, top_before)
+            top_after = where_greater(force, top, after, top_after)
+            place = where_greater(force, top, splat(float(n - 1)), place)
+            top = where_greater(force, top, force, top)
+            least = where_greater(least, after, after, least)
+            steps_apart = steps_apart + where_greater(gap, zero, zero, one)
+            difference = magnitude(before - two * force + after)
+            second_difference = where_greater(difference, second_difference, difference, second_difference)
+            departure = after - load_two(smooth_rows, grid_row + j_ahead, grid_row + k_ahead)
+            amplitude = magnitude(departure)
+            transient = where_greater(amplitude, transient, amplitude, transient)
+            before, force = force, after
+            j, k = j_ahead, k_ahead
+            if n_filters > 0:
+                store(departures, (n - 1) % CHECK_EVERY_STEPS + 1, departure)
+            if n % CHECK_EVERY_STEPS > 0:
+                continue
+            if n_filters > 0:
+                _advance_filters(filters, departures, filtered, levels, block, j, k)
+                store(departures, 0, departure)
+            store(working, _TOP_BEFORE, top_before)
+            store(working, _TOP, top)
+            store(working, _TOP_AFTER, top_after)
+            store(working, _PLACE, place)
+            store(working, _SECONDS_APART, steps_apart * dt)
+            store(working, _SECOND_DIFFERENCE, second_difference)
+            store(working, _LEAST, least)
+            store(working, _TRANSIENT, transient)
+            store(working, _WHEEL, wheel)
+            store(working, _WHEEL + 1, velocity)
+            store(working, _WHEEL + 2, force)
+            renewed = False
+            for lane in range(LANES):
+                if not active[lane] or n < next_checks[lane]:
+                    continue
+                speed, end, seen = lane % SPEEDS, pairs.ends[i, lane // SPEEDS], working[_TRANSIENT * LANES + lane]
+                a_span_behind, run_out_over = n >= end + n_grid, n >= end + blocks.run_outs[block, lane]
+                decayed = transient_decayed(
+                    seen, working[_TOP * LANES + lane], working[_LEAST * LANES + lane], smooth_high[speed],
+                    smooth_low[speed], negligible_n, a_span_behind,
+                )  # fmt: skip
+                if not ended[lane] and (decayed or run_out_over):
+                    ended[lane] = True
+                    _write_extremes(lane, working, results[i, lane])
+                for q in range(n_filters):
+                    highest, floor = levels[(5 * q + 3) * LANES + lane], filters.floors_n[block, q, lane]
+                    decayed = decayed and filtered_transient_decayed(seen, highest, floor, negligible_n, a_span_behind)
+                if ended[lane] and (decayed or run_out_over):
+                    active[lane] = False
+                    n_active -= 1
+                    _write_end(lane, n, working, filtered, levels, n_filters, results[i, lane])
+                else:
+                    next_checks[lane] = n + blocks.windows[block, lane]
+                    working[_TRANSIENT * LANES + lane] = 0.0
+                    renewed = True
+            if renewed:
+                transient = load(working, _TRANSIENT)
