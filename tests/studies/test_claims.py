@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.studies import claims
-from weld_force_ros.studies.claims import Claim, Condition, Geometry, Judged, Study
+from weld_force_ros.studies.claims import Claim, Condition, GeometrySource, JudgedClaim, StudyName
 
 SHIPPED = claims.load()
 WELL_FORMED = """
@@ -26,7 +26,7 @@ WELL_FORMED = """
 """
 
 
-def claim(*criteria: Condition, geometry: Geometry = "exact", if_not: str | None = None) -> Claim:
+def claim(*criteria: Condition, geometry: GeometrySource = "exact", if_not: str | None = None) -> Claim:
     return Claim(
         id="a-claim",
         place="section 6",
@@ -39,7 +39,7 @@ def claim(*criteria: Condition, geometry: Geometry = "exact", if_not: str | None
     )
 
 
-def judged(subject: Claim, **measured: claims.Measured) -> Judged:
+def judged(subject: Claim, **measured: claims.Quantity) -> JudgedClaim:
     (verdict,) = claims.evaluate([subject], {f"length.{name}": value for name, value in measured.items()})
     return verdict
 
@@ -244,7 +244,7 @@ def test_a_malformed_file_is_refused_in_one_line_that_names_the_fault(old, new, 
 
 def test_the_shipped_claims_cover_every_study_with_at_least_thirty_that_can_be_tested():
     assert len([c for c in SHIPPED if c.criteria]) >= 30
-    assert {c.study for c in SHIPPED if c.criteria} == set(get_args(Study))
+    assert {c.study for c in SHIPPED if c.criteria} == set(get_args(StudyName))
     assert len({c.id for c in SHIPPED}) == len(SHIPPED)
 
 

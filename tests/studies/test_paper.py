@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 from weld_force_ros.cli import study as cli_study
 from weld_force_ros.cli.main import main
 from weld_force_ros.measurement import profile_file
-from weld_force_ros.studies import claims, paper
-from weld_force_ros.studies.laboratory import StudyContext
+from weld_force_ros.studies import claims, paper_studies
+from weld_force_ros.studies.study_context import StudyContext
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def test_study_all_judges_every_claim(everything: tuple[Path, Result]):
 
 def test_every_study_leaves_figures_and_data(everything: tuple[Path, Result]):
     out, _ = everything
-    for name in paper.STUDIES:
+    for name in paper_studies.STUDIES:
         pictures = {path.stem for path in (out / name).glob("*.png")}
         assert pictures
         assert pictures == {path.stem for path in (out / name).glob("*.svg")}
@@ -50,7 +50,7 @@ def test_the_gallery_is_one_page_that_loads_nothing(everything: tuple[Path, Resu
     assert page.count('src="data:image/png;base64,') == len(list(out.glob("*/*.png")))
     assert not re.search(r'(src|href)="(?!data:|#)', page)
     assert "<script" not in page
-    for name in paper.STUDIES:
+    for name in paper_studies.STUDIES:
         assert f'id="{name}"' in page
     # A phone scales it, and print keeps figures whole.
     assert "width=device-width" in page
@@ -59,12 +59,12 @@ def test_the_gallery_is_one_page_that_loads_nothing(everything: tuple[Path, Resu
 
 def test_the_command_lists_the_studies_that_there_are():
     names = [command.name for command in cli_study.app.registered_commands]
-    assert names == [*paper.STUDIES, "all", "engines", "rail"]
+    assert names == [*paper_studies.STUDIES, "all", "engines", "rail"]
 
 
 @pytest.mark.parametrize("study", ["all", "curve"])
 def test_a_folder_that_cannot_be_made_is_one_line_before_anything_is_computed(study, tmp_path, capfd, monkeypatch):
-    monkeypatch.setattr(paper, "investigate", None)
+    monkeypatch.setattr(paper_studies, "run_study", None)
     (tmp_path / "file").write_text("")
     assert main(["study", study, "--out", str(tmp_path / "file" / "out")]) == 2
     (line,) = capfd.readouterr().err.splitlines()
@@ -91,6 +91,6 @@ def test_a_weld_of_the_users_own_is_studied_and_not_held_against_the_paper(tmp_p
 
 
 def test_another_track_takes_the_papers_place():
-    lab = StudyContext(own_track="johansson-nielsen")
-    assert lab.track("bilbao").track.spacing_m == pytest.approx(0.65)
-    assert not lab.papers
+    context = StudyContext(own_track="johansson-nielsen")
+    assert context.track("bilbao").track.spacing_m == pytest.approx(0.65)
+    assert not context.uses_paper_inputs

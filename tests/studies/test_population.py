@@ -10,19 +10,25 @@ import pytest
 
 from weld_force_ros.measurement.shapes import cosine_dip
 from weld_force_ros.messages import WeldProfile, profile_sha256
-from weld_force_ros.studies import population, validation
-from weld_force_ros.studies.laboratory import StudyContext, StudyResult
-from weld_force_ros.studies.population_rolling import Curve, Inverted, curve, ratios_by_frequency, with_hollow
+from weld_force_ros.studies import population_study, validation_study
+from weld_force_ros.studies.simulated_population import (
+    CurveShape,
+    InvertedDips,
+    curve_shape,
+    ratios_by_frequency,
+    with_hollow,
+)
+from weld_force_ros.studies.study_context import StudyContext, StudyResult
 
 
 @pytest.fixture(scope="module")
 def flats() -> StudyResult:
-    return validation.run(StudyContext(coarse=True))
+    return validation_study.run(StudyContext(coarse=True))
 
 
 @pytest.fixture(scope="module")
 def welds() -> StudyResult:
-    return population.run(StudyContext(coarse=True))
+    return population_study.run(StudyContext(coarse=True))
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +97,7 @@ def test_counts_add_up_and_are_those_of_the_welds(welds: StudyResult):
         assert (len(of_kind), sum(of_kind)) == (curves, monotonic)
         share = welds.measured[f"population.non_monotonic_share_{kind}s"]
         assert share == pytest.approx(hollow / curves)
-    assert counts["both", "all"][0] == 2 * population.COARSE_COUNT
+    assert counts["both", "all"][0] == 2 * population_study.COARSE_COUNT
 
 
 def test_the_class_is_the_geometrys_not_the_makers(welds: StudyResult):
@@ -101,17 +107,17 @@ def test_the_class_is_the_geometrys_not_the_makers(welds: StudyResult):
 
 
 def test_at_least_five_hundred_welds():
-    assert population.COUNT >= 500
+    assert population_study.COUNT >= 500
 
 
 def test_a_fall_is_relative_to_the_curves_range():
     speeds = np.linspace(20, 300, 29)
     rise = np.where(speeds <= 200, 100e3 + 1e3 * (speeds - 20), 280e3 - 0.5e3 * (speeds - 200))
-    found = curve(speeds, rise)
+    found = curve_shape(speeds, rise)
     assert not found.monotonic
     assert found.fall == pytest.approx(50 / 180, rel=0.01)
-    level = curve(speeds, 100e3 + 1e3 * speeds)
-    assert level == Curve(True, 0.0, pytest.approx(1.0))
+    level = curve_shape(speeds, 100e3 + 1e3 * speeds)
+    assert level == CurveShape(True, 0.0, pytest.approx(1.0))
     assert with_hollow([found, level, found]) == 2
 
 
@@ -121,17 +127,17 @@ def test_ratios_are_those_of_the_frequency_and_of_true_inversions():
     dip = frequency[..., None] * rise / 100
     dip[0] = 1e6  # not a protrusion upside down: not counted
     centres, (low, median, high) = ratios_by_frequency(
-        Inverted(dip, rise, np.array([False, True, True, True]), frequency)
+        InvertedDips(dip, rise, np.array([False, True, True, True]), frequency)
     )
     np.testing.assert_allclose(median, centres / 100, rtol=1e-6)
     assert np.all((low <= median) & (median <= high))
 
 
 def test_an_own_weld_is_shown_and_the_paper_is_not_judged(own: StudyContext):
-    for study in (validation, population):
+    for study in (validation_study, population_study):
         found = study.run(own)
         assert found.measured == {}
         assert found.pictures
-    flats = validation.run(own)
+    flats = validation_study.run(own)
     assert "own" in flats.pictures[0].title
     assert "deeper" not in flats.tables

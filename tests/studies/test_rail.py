@@ -9,7 +9,7 @@ import pytest
 from weld_force_ros.cli import main
 from weld_force_ros.physics.track.beam import StripRail
 from weld_force_ros.simulation import section_file, track_file
-from weld_force_ros.studies import rail
+from weld_force_ros.studies import rail_study
 
 
 @pytest.fixture(scope="module")
@@ -47,9 +47,9 @@ def test_rows_say_where_the_rails_part(studied):
 
 def test_either_rail_of_a_track_is_made_from_the_other():
     beam = track_file.load("bilbao")
-    strips = rail.with_strips(beam, section_file.load("54E1").dimensions)
+    strips = rail_study.with_strips(beam, section_file.load("54E1").dimensions)
     assert isinstance(strips.track.rail, StripRail)
-    assert rail.with_beam(strips).track == beam.track
+    assert rail_study.with_beam(strips).track == beam.track
 
 
 def test_unknown_section_is_refused_in_a_line(capsys, tmp_path):

@@ -14,8 +14,8 @@ from weld_force_ros.physics.analysis.spectra import Bands, Spectrum
 from weld_force_ros.physics.passage.passage import History
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.wheel_path import wheel_path_over
-from weld_force_ros.studies import bands, claims, records, variants
-from weld_force_ros.studies.laboratory import BILBAO, CONTINUOUS, Measured, StudyContext, StudyResult
+from weld_force_ros.studies import bands_study, claims, passage_records, variants
+from weld_force_ros.studies.study_context import BILBAO, CONTINUOUS, Quantities, StudyContext, StudyResult
 
 STUDIES = ("length", "hertz", "spectrum", "bands")
 UNITS = ("_kmh", "_m", "_n", "_hz", "_m_per_n", "_gn_per_m15")
@@ -25,8 +25,8 @@ OWN = r"km 12/3, $\rail_{"  # neither a file's name nor a formula
 
 @pytest.fixture(scope="module")
 def papers() -> dict[str, StudyResult]:
-    lab = StudyContext(coarse=True)
-    return {name: importlib.import_module(f"weld_force_ros.studies.{name}").run(lab) for name in STUDIES}
+    context = StudyContext(coarse=True)
+    return {name: importlib.import_module(f"weld_force_ros.studies.{name}_study").run(context) for name in STUDIES}
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def own() -> StudyContext:
 
 
 @pytest.fixture(scope="module")
-def measured(papers: dict[str, StudyResult]) -> Measured:
+def measured(papers: dict[str, StudyResult]) -> Quantities:
     return {key: value for study in papers.values() for key, value in study.measured.items()}
 
 
@@ -76,7 +76,7 @@ def test_figures_have_units_on_their_axes_and_a_caption(name, papers):
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_an_own_weld_is_shown_and_nothing_is_said_about_the_paper(name, own):
-    study = importlib.import_module(f"weld_force_ros.studies.{name}").run(own)
+    study = importlib.import_module(f"weld_force_ros.studies.{name}_study").run(own)
     assert study.pictures
     for picture in study.pictures:
         picture.figure.draw_without_rendering()
@@ -124,12 +124,12 @@ def test_an_own_welds_variants_are_its_profile_stretched_and_upside_down(own):
 
 @pytest.mark.parametrize("track", [CONTINUOUS, BILBAO])
 def test_a_record_rests_on_either_side_of_the_weld(track):
-    lab = StudyContext()
-    vehicle_track = lab.vehicle_track(track)
-    passage = records.record(vehicle_track, variants.by_sign(lab)[0].wheel_path, 200.0)
-    assert passage.x_m[0] <= -records.MARGIN_M
-    assert passage.x_m[-1] >= records.MARGIN_M
-    ends = passage.force_n[np.abs(passage.x_m) > 0.9 * records.MARGIN_M]
+    context = StudyContext()
+    vehicle_track = context.vehicle_track(track)
+    passage = passage_records.record(vehicle_track, variants.by_sign(context)[0].wheel_path, 200.0)
+    assert passage.x_m[0] <= -passage_records.MARGIN_M
+    assert passage.x_m[-1] >= passage_records.MARGIN_M
+    ends = passage.force_n[np.abs(passage.x_m) > 0.9 * passage_records.MARGIN_M]
     assert ends == pytest.approx(vehicle_track.wheel.static_load_n, rel=1e-5)
 
 
@@ -138,24 +138,28 @@ def test_spectral_peaks_of_a_spectrum_by_hand():
     hills = [(60.0, 1.0), (240.0, 5.0), (700.0, 2.0)]
     amplitude = sum(height * np.exp(-(((frequency - at) / 20) ** 2)) for at, height in hills)
     spectrum = Spectrum(frequency, 30.0 / frequency, amplitude)
-    assert records.strongest_hz(spectrum, 300, 900) == pytest.approx(700, abs=0.1)
-    assert records.first_two_hz(records.peaks_between(spectrum, 0, 530)) == pytest.approx((60, 240), abs=0.1)
-    assert records.first_two_hz(records.peaks_between(spectrum, 100, 530))[0] == pytest.approx(240, abs=0.1)
-    assert math.isnan(records.first_two_hz(records.peaks_between(spectrum, 100, 530))[1])
-    assert math.isnan(records.strongest_hz(spectrum, 400, 600))
+    assert passage_records.strongest_hz(spectrum, 300, 900) == pytest.approx(700, abs=0.1)
+    assert passage_records.first_two_hz(passage_records.peaks_between(spectrum, 0, 530)) == pytest.approx(
+        (60, 240), abs=0.1
+    )
+    assert passage_records.first_two_hz(passage_records.peaks_between(spectrum, 100, 530))[0] == pytest.approx(
+        240, abs=0.1
+    )
+    assert math.isnan(passage_records.first_two_hz(passage_records.peaks_between(spectrum, 100, 530))[1])
+    assert math.isnan(passage_records.strongest_hz(spectrum, 400, 600))
 
 
 def test_an_exponent_is_the_power_of_speed_and_missing_if_a_value_is():
     speeds = [50.0, 80.0, 200.0]
-    assert records.exponent(speeds, [3 * v**1.5 for v in speeds]) == pytest.approx(1.5)
-    assert math.isnan(records.exponent(speeds, [1.0, math.nan, 2.0]))
+    assert passage_records.exponent(speeds, [3 * v**1.5 for v in speeds]) == pytest.approx(1.5)
+    assert math.isnan(passage_records.exponent(speeds, [1.0, math.nan, 2.0]))
 
 
 def test_the_leading_peaks_place_is_that_of_the_nearest_speed():
     places = np.array([[0.01], [0.02], [0.03]])
     peak_map = PeakMap(places, places, places, places)
-    assert records.place_at(np.array([20.0, 30.0, 40.0]), peak_map, 32.0) == 0.02
-    assert math.isnan(records.place_at(np.array([20.0, 30.0, 40.0]), peak_map, math.nan))
+    assert passage_records.place_at(np.array([20.0, 30.0, 40.0]), peak_map, 32.0) == 0.02
+    assert math.isnan(passage_records.place_at(np.array([20.0, 30.0, 40.0]), peak_map, math.nan))
 
 
 def test_a_parted_force_by_hand():
@@ -164,10 +168,10 @@ def test_a_parted_force_by_hand():
     low = np.where(np.abs(x) < 0.15, 10e3 * np.cos(np.pi * x / 0.2), 0.0)
     high = np.where(np.abs(x) < 0.03, -4e3 * np.cos(np.pi * x / 0.02), 0.0)
     passage = History(x, 100e3 + low + high, x, x, x)
-    parted = bands.Parted(80.0, passage, Bands(x, 100e3 + low, high, 80.0), 100e3)
-    assert parted.low_peak_m == pytest.approx(0.0, abs=1e-6)
-    assert parted.low_width_m == pytest.approx(0.2, abs=1e-5)
-    assert parted.high_share == pytest.approx(0.4)
-    assert abs(parted.high_peak_m) == pytest.approx(0.02, abs=1e-6)
+    split = bands_study.BandSplit(80.0, passage, Bands(x, 100e3 + low, high, 80.0), 100e3)
+    assert split.low_peak_m == pytest.approx(0.0, abs=1e-6)
+    assert split.low_width_m == pytest.approx(0.2, abs=1e-5)
+    assert split.high_share == pytest.approx(0.4)
+    assert abs(split.high_peak_m) == pytest.approx(0.02, abs=1e-6)
     at_summit = 10e3 * math.cos(math.pi * 0.1)
-    assert parted.at_peak_n == pytest.approx([at_summit, 4e3], rel=5e-3)
+    assert split.at_peak_n == pytest.approx([at_summit, 4e3], rel=5e-3)

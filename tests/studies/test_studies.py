@@ -20,12 +20,12 @@ from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.wheel_path import WheelPath
 from weld_force_ros.simulation import simulator, track_file
 from weld_force_ros.simulation.settings import ENGINES, simulation_settings
-from weld_force_ros.studies.comparison import Passage, error_of, grouped
-from weld_force_ros.studies.engines import QUICK_GRIDS, TARGETS
+from weld_force_ros.studies.engines_study import QUICK_GRIDS, TARGETS
+from weld_force_ros.studies.fit_orders import sharp_angles
 from weld_force_ros.studies.grids import COSINES_M, Grid, ReferenceGrid, wheel_path
-from weld_force_ros.studies.orders import sharp_angles
+from weld_force_ros.studies.peak_comparison import Passage, error_of, grouped
 from weld_force_ros.studies.reference_peaks import ReferencePeaks
-from weld_force_ros.studies.tables import Column, Table
+from weld_force_ros.studies.result_table import Column, Table
 
 QUICK_PASSAGES = sum(len(g.shapes) * len(g.speeds_kmh) * g.position_count for g in QUICK_GRIDS)
 FITTED = [engine for engine in ENGINES if engine != "reference"]

@@ -15,17 +15,17 @@ from weld_force_ros.measurement import profile_file
 from weld_force_ros.messages import WeldProfile, profile_sha256
 from weld_force_ros.physics.analysis.peaks import Peak
 from weld_force_ros.physics.passage.passage import History
-from weld_force_ros.studies.laboratory import BILBAO, StudyContext, StudyResult
-from weld_force_ros.studies.motion import moving
-from weld_force_ros.studies.passages import (
-    SmoothRail,
+from weld_force_ros.studies.motion_study import moving
+from weld_force_ros.studies.passage_curves import (
+    SmoothRailPassage,
     features,
     first_maximum,
     hollow_after_maximum,
     split_peaks,
     two_highest,
 )
-from weld_force_ros.studies.tables import Table
+from weld_force_ros.studies.result_table import Table
+from weld_force_ros.studies.study_context import BILBAO, StudyContext, StudyResult
 from weld_force_ros.studies.weld_map import standstill
 
 STUDIES = ("map", "curve", "motion", "increment")
@@ -39,8 +39,8 @@ def column(table: Table, name: str) -> np.ndarray:
     return np.array([row[index] for row in table.rows])
 
 
-def run(name: str, lab: StudyContext) -> StudyResult:
-    return import_module(f"weld_force_ros.studies.{name}").run(lab)
+def run(name: str, context: StudyContext) -> StudyResult:
+    return import_module(f"weld_force_ros.studies.{name}_study").run(context)
 
 
 @pytest.fixture(scope="module")
@@ -166,8 +166,8 @@ def test_the_wheel_settles_as_deep_as_the_weld_when_it_creeps():
 
 
 def test_smooth_rail_repeats_with_the_sleepers_about_the_static_load():
-    lab = StudyContext()
-    smooth, long = SmoothRail(lab, BILBAO, 150.0), lab.smooth_rail(BILBAO, 150.0, 6)
+    context = StudyContext()
+    smooth, long = SmoothRailPassage(context, BILBAO, 150.0), context.smooth_rail(BILBAO, 150.0, 6)
     assert smooth.force_n(long.x_m) == pytest.approx(long.force_n, abs=1e-4 * STATIC_N)
     assert smooth.rail_m(long.x_m) == pytest.approx(long.rail_m, abs=1e-7)
     assert smooth.wheel_m(long.x_m) == pytest.approx(long.wheel_m, abs=1e-7)

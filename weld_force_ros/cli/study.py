@@ -23,7 +23,7 @@ OwnTrack = Annotated[str | None, typer.Option("--track", help="A track in place 
 Quick = Annotated[bool, typer.Option("--quick", help="A third of the speeds and positions, to see whether it works.")]
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE|-", help="Write JSON lines to a file or stdout.")]
 
-# The names and the order of `weld_force_ros.studies.paper.STUDIES`, which is not imported before a command runs.
+# The names and the order of `studies.paper_studies.STUDIES`, which is not imported before a command runs.
 _SUMMARIES = {
     "validation": "Wheel flats: the envelope over positions, and speeds up to 300 km/h (figures 7, 8).",
     "map": "Peak force over speed and position of the five welds (figures 10, 16, 17, 20, 21).",
@@ -43,12 +43,12 @@ def _study(name: str) -> Callable[..., None]:
     def run(out: Out, profile: Profile = None, track: OwnTrack = None, quick: Quick = False, json: Json = None) -> None:
         from weld_force_ros.cli import terminal
         from weld_force_ros.measurement import profile_file
-        from weld_force_ros.studies import laboratory, paper
+        from weld_force_ros.studies import paper_studies, study_context
 
         weld = None if profile is None else profile_file.read_profile(profile)
-        lab = laboratory.StudyContext(own_weld=weld, own_track=track, coarse=quick)
+        context = study_context.StudyContext(own_weld=weld, own_track=track, coarse=quick)
         with terminal.console.status(f"study {name}"):
-            studied = paper.run_one(name, lab, out)
+            studied = paper_studies.run_one(name, context, out)
         with json_output.lines(json) as lines:
             json_output.write(lines, studied.measured)
         _tell(studied.shown, out)
@@ -65,13 +65,13 @@ for _name in _SUMMARIES:
 def study_all(out: Out, quick: Quick = False, json: Json = None) -> None:
     """Every study of the paper, its claims judged one by one (claims.json), and all figures on one page."""
     from weld_force_ros.cli import terminal
-    from weld_force_ros.studies import claims, laboratory, paper
+    from weld_force_ros.studies import claims, paper_studies, study_context
 
     with terminal.progress() as bar:
-        studied = paper.run_all(
-            laboratory.StudyContext(coarse=quick),
+        studied = paper_studies.run_all(
+            study_context.StudyContext(coarse=quick),
             out,
-            stage=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
+            start_progress=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
         )
     with json_output.lines(json) as lines:
         for judged in studied.judged:
@@ -80,7 +80,7 @@ def study_all(out: Out, quick: Quick = False, json: Json = None) -> None:
     terminal.show_table(claims.summary(studied.judged))
     _tell(studied.shown, out)
     if quick:
-        terminal.say(paper.COARSE.strip())
+        terminal.say(paper_studies.COARSE.strip())
     terminal.say(f"claims:  {out / 'claims.json'}")
     terminal.say(f"gallery: {out / 'gallery.html'}")
 
@@ -93,13 +93,13 @@ def study_engines(
 ) -> None:
     """Compare the fitted engines with the reference over shapes, speeds, positions and tracks (some minutes)."""
     from weld_force_ros.cli import terminal
-    from weld_force_ros.studies import engines, engines_figures
+    from weld_force_ros.studies import engines_figures, engines_study
 
     with terminal.progress() as bar:
-        found = engines.run(
+        found = engines_study.run(
             out,
             quick=quick,
-            stage=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
+            start_progress=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
             on_fit=terminal.say,
         )
     with json_output.lines(json) as lines:
@@ -121,18 +121,18 @@ def study_rail(
 ) -> None:
     """Beam and finite strips: waves, receptances to 5 kHz, peak forces (a minute or two)."""
     from weld_force_ros.cli import terminal
-    from weld_force_ros.studies import gallery, rail
+    from weld_force_ros.studies import gallery, rail_study
 
-    gallery.made(out / "rail")  # before anything is computed
+    gallery.make_folder(out / "rail")  # before anything is computed
     with terminal.progress() as bar:
-        found = rail.run(
+        found = rail_study.run(
             track,
             section,
             coarse=quick,
-            stage=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
+            start_progress=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
             say=terminal.say,
         )
-    shown = gallery.write_investigation(found, out)
+    shown = gallery.write_study(found, out)
     gallery.write_page(out / "rail.html", [shown], title=found.title, introduction="One track with either rail.")
     with json_output.lines(json) as lines:
         json_output.write(lines, found.measured)

@@ -11,7 +11,7 @@ from rich.table import Table as Grid
 from rich.text import Text
 
 from weld_force_ros.messages import Decision, ForceMap, Limit, Rejection, Verdict
-from weld_force_ros.studies.tables import Table
+from weld_force_ros.studies.result_table import Table
 
 if TYPE_CHECKING:
     from weld_force_ros.recording.what_if import Changed

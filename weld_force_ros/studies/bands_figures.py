@@ -1,4 +1,4 @@
-"""Pictures of study `bands`."""
+"""Pictures of the study `bands`."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -8,14 +8,14 @@ from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.report.figures import BLUE, GREEN, GREY, RED, as_text, new_figure
-from weld_force_ros.studies.laboratory import Picture
+from weld_force_ros.studies.figure_style import COLOURS
 from weld_force_ros.studies.spectrum_figures import mark_frequencies
-from weld_force_ros.studies.style import COLOURS
+from weld_force_ros.studies.study_context import Picture
 
 _SHOWN_HZ = (20, 2000)
 
 
-class Parted(Protocol):
+class BandSplit(Protocol):
     """A passage with its force in two parts."""
 
     @property
@@ -30,21 +30,21 @@ class Parted(Protocol):
     def spectrum(self) -> Spectrum: ...  # noqa: D102
 
 
-def parts(weld: str, name: str, passages: Sequence[Parted], shown_m: tuple[float, float]) -> Picture:
-    """Dynamic force, and its two parts, at each speed."""
+def parts(weld: str, name: str, passages: Sequence[BandSplit], shown_m: tuple[float, float]) -> Picture:
+    """Draw the dynamic force and its two parts at each speed."""
     figure = new_figure(7.0, 1.2 + 1.7 * len(passages))
     panels = figure.subplots(len(passages), 1, sharex=True)
-    for axes, parted in zip(panels, passages, strict=True):
-        x = parted.passage.x_m
+    for axes, split in zip(panels, passages, strict=True):
+        x = split.passage.x_m
         inside = (x >= shown_m[0]) & (x <= shown_m[1])
-        total = parted.low_n + parted.parts.high_n
+        total = split.low_n + split.parts.high_n
         for label, force, colour, style in (
-            ("total", total, BLUE, "-"), ("below 530 Hz", parted.low_n, GREEN, "--"),
-            ("above 530 Hz", parted.parts.high_n, RED, "-."),
+            ("total", total, BLUE, "-"), ("below 530 Hz", split.low_n, GREEN, "--"),
+            ("above 530 Hz", split.parts.high_n, RED, "-."),
         ):  # fmt: skip
             axes.plot(x[inside] * 1e3, force[inside] / 1e3, style, color=colour, label=label)
         axes.axhline(0, color=GREY, linewidth=0.6, zorder=0)
-        axes.text(0.99, 0.93, f"{parted.speed_kmh:g} km/h", transform=axes.transAxes, ha="right", va="top")
+        axes.text(0.99, 0.93, f"{split.speed_kmh:g} km/h", transform=axes.transAxes, ha="right", va="top")
     panels[-1].set(xlabel="distance behind the weld's centre, mm", xlim=(shown_m[0] * 1e3, shown_m[1] * 1e3))
     figure.supylabel("dynamic contact force, kN", fontsize="medium")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
@@ -56,7 +56,7 @@ def parts(weld: str, name: str, passages: Sequence[Parted], shown_m: tuple[float
 
 
 def curves(labels: Sequence[str], speeds_kmh: FloatArray, peak_maps: Sequence[PeakMap]) -> Picture:
-    """Peak force against speed of a weld and its inverse."""
+    """Draw the peak force of a weld and its inverse against speed."""
     figure = new_figure(7.0, 3.6)
     axes = figure.subplots()
     for label, peak_map, colour, style in zip(labels, peak_maps, COLOURS, ("-", "--"), strict=False):
@@ -70,14 +70,14 @@ def curves(labels: Sequence[str], speeds_kmh: FloatArray, peak_maps: Sequence[Pe
     )  # fmt: skip
 
 
-def spectra(weld: str, passages: Sequence[Parted]) -> Picture:
-    """Spectra of the force at several speeds about the cut."""
+def spectra(weld: str, passages: Sequence[BandSplit]) -> Picture:
+    """Draw spectra of the force at several speeds around the cut frequency."""
     figure = new_figure(7.0, 3.8)
     axes = figure.subplots()
-    for parted, colour, style in zip(passages, COLOURS, (":", "-.", "--", "-"), strict=False):
-        frequency, amplitude = parted.spectrum.frequency_hz, parted.spectrum.amplitude
+    for split, colour, style in zip(passages, COLOURS, (":", "-.", "--", "-"), strict=False):
+        frequency, amplitude = split.spectrum.frequency_hz, split.spectrum.amplitude
         inside = (frequency >= _SHOWN_HZ[0]) & (frequency <= _SHOWN_HZ[1])
-        axes.plot(frequency[inside], amplitude[inside], style, color=colour, label=f"{parted.speed_kmh:g} km/h")
+        axes.plot(frequency[inside], amplitude[inside], style, color=colour, label=f"{split.speed_kmh:g} km/h")
     axes.axvline(CUT_HZ, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
     axes.text(CUT_HZ * 1.03, axes.get_ylim()[1] * 0.97, f"{CUT_HZ:g} Hz", va="top")
     axes.set(ylabel="force, N")

@@ -1,4 +1,4 @@
-"""The paper's claims: what it says, what would count as agreement, and the verdict on what the studies measured.
+"""The paper's claims: what it says, what would count as agreement, and the result for what the studies measured.
 
 The claims stand in `data/claims.yaml`, their criteria decided from the paper's words before any study was run.
 """
@@ -16,17 +16,17 @@ from msgspec import Meta
 from weld_force_ros import _yaml
 from weld_force_ros._files import whole_file
 from weld_force_ros.errors import InputError, os_errors_as
-from weld_force_ros.studies.tables import Column, Table
+from weld_force_ros.studies.result_table import Column, Table
 
-Measured: TypeAlias = float | bool | str | list[float]
-Geometry: TypeAlias = Literal["exact", "assumed", "none"]
-Study: TypeAlias = Literal[
+Quantity: TypeAlias = float | bool | str | list[float]
+GeometrySource: TypeAlias = Literal["exact", "assumed", "none"]
+StudyName: TypeAlias = Literal[
     "map", "curve", "motion", "smooth", "increment", "length", "hertz", "spectrum", "bands", "validation", "population"
 ]  # fmt: skip
-Verdict: TypeAlias = Literal["agrees", "partly", "differs", "not evaluated", "not-testable"]
+ClaimResult: TypeAlias = Literal["agrees", "partly", "differs", "not evaluated", "not-testable"]
 
-GEOMETRIES: tuple[Geometry, ...] = ("exact", "assumed", "none")
-VERDICTS: tuple[Verdict, ...] = ("agrees", "partly", "differs", "not evaluated", "not-testable")
+GEOMETRIES: tuple[GeometrySource, ...] = ("exact", "assumed", "none")
+VERDICTS: tuple[ClaimResult, ...] = ("agrees", "partly", "differs", "not evaluated", "not-testable")
 
 _Text = Annotated[str, Meta(min_length=1, max_length=1000)]
 _Key = Annotated[str, Meta(pattern=r"^[a-z]+\.[a-z0-9_]+$")]
@@ -36,9 +36,9 @@ _MOST_LISTED = 6
 
 
 class Condition(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=True):
-    """What one measured quantity must be: within two ends (included), above, below, or true or false.
+    """A condition on one measured quantity: within two ends (included), above, below, or true or false.
 
-    Of a measured list each element must be so. NaN, for a quantity that does not exist, never is.
+    Each element of a measured list must meet it. NaN, for a quantity that does not exist, never does.
     """
 
     key: _Key
@@ -48,7 +48,7 @@ class Condition(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields
     is_: bool | None = msgspec.field(name="is", default=None)
 
     def problem(self) -> str | None:
-        """Why this asks for nothing that can be checked; None if all is well."""
+        """Return why this condition cannot be checked, or None."""
         asked = [form for form in (self.within, self.above, self.below, self.is_) if form is not None]
         if len(asked) != 1:
             return f"{self.key} needs exactly one of within, above, below, is"
@@ -57,18 +57,18 @@ class Condition(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields
             return f"{self.key} asks for a number in {list(ends)}"
         return None
 
-    def holds(self, value: Measured) -> list[bool]:
-        """For each element of the value whether it is as asked; a quantity with no elements does not exist.
+    def holds(self, value: Quantity) -> list[bool]:
+        """Return for each element of the value whether it meets the condition; an empty list does not.
 
         Raises:
-            InputError: a number where true or false is asked, or the other way round.
+            InputError: a number where true or false is required, or the other way round.
         """
         if self.is_ is not None:
             return [self._flag(value) is self.is_]
         return [self._met(number) for number in self._numbers(value)] or [False]
 
     def asked(self) -> str:
-        """The condition in words, without the quantity."""
+        """Return the condition in words, without the quantity."""
         unit = _unit(self.key)
         if self.within is not None:
             low, high = self.within
@@ -77,8 +77,8 @@ class Condition(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields
             return f"above {self.above:g}{unit}"
         return f"below {self.below:g}{unit}" if self.below is not None else _yes_or_no(bool(self.is_))
 
-    def found(self, value: Measured) -> str:
-        """The value in words: `54.1 km/h`, `yes`, `13 of 15, 71 to 96 km/h`."""
+    def found(self, value: Quantity) -> str:
+        """Return the value in words: `54.1 km/h`, `yes`, `13 of 15, 71 to 96 km/h`."""
         if self.is_ is not None:
             return _yes_or_no(self._flag(value))
         numbers, unit = self._numbers(value), _unit(self.key)
@@ -96,12 +96,12 @@ class Condition(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields
             return self.within[0] <= number <= self.within[1]
         return number > self.above if self.above is not None else number < cast(float, self.below)
 
-    def _flag(self, value: Measured) -> bool:
+    def _flag(self, value: Quantity) -> bool:
         if not isinstance(value, bool):
             raise InputError(f"{self.key} is {value!r}", "the study must measure true or false here")
         return value
 
-    def _numbers(self, value: Measured) -> list[float]:
+    def _numbers(self, value: Quantity) -> list[float]:
         numbers = value if isinstance(value, list) else [value]
         if not all(isinstance(number, float) for number in numbers):
             raise InputError(f"{self.key} is {value!r}", "the study must measure a number, or a list of them, here")
@@ -119,15 +119,15 @@ class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tru
     id: Annotated[str, Meta(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$")]
     place: _Text
     statement: _Text
-    geometry: Geometry
-    study: Study
+    geometry: GeometrySource
+    study: StudyName
     criteria: list[Condition]
     note: _Text
     if_not: _Text | None = None
     found: _Text | None = None
 
     def problem(self) -> str | None:
-        """What the types cannot say and is wrong here; None if all is well."""
+        """Return why the claim is invalid beyond its types, or None."""
         if (self.geometry == "none") is not (not self.criteria):
             return "a claim has criteria unless its geometry is none"
         strange = [c.key for c in self.criteria if c.key.partition(".")[0] != self.study]
@@ -136,24 +136,24 @@ class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tru
         return next(filter(None, (condition.problem() for condition in self.criteria)), None)
 
 
-class Judged(msgspec.Struct, kw_only=True, frozen=True):
-    """A claim with its verdict, one entry of `claims.json`. A value there is null where the quantity does not exist."""
+class JudgedClaim(msgspec.Struct, kw_only=True, frozen=True):
+    """A claim with its result, one entry of `claims.json`. A value there is null where the quantity does not exist."""
 
     id: str
     statement: str = msgspec.field(name="claim")
     place: str = msgspec.field(name="where")
-    study: Study
-    geometry: Geometry
+    study: StudyName
+    geometry: GeometrySource
     criterion: str
     note: str
     measured: str
     values: dict[str, float | bool | str | list[float | None] | None]
-    verdict: Verdict = msgspec.field(name="result")
+    verdict: ClaimResult = msgspec.field(name="result")
     why: str
 
 
 def load() -> list[Claim]:
-    """The claims that come with the package.
+    """Return the claims that come with the package.
 
     Raises:
         InputError: the file is damaged.
@@ -163,7 +163,7 @@ def load() -> list[Claim]:
 
 
 def parse(data: bytes, source: str) -> list[Claim]:
-    """Claims from the bytes of their YAML file; `source` names it in errors.
+    """Read claims from the bytes of their YAML file; `source` names it in errors.
 
     Raises:
         InputError: not YAML, a field unknown, missing or out of place, or an id given twice.
@@ -181,11 +181,11 @@ def parse(data: bytes, source: str) -> list[Claim]:
     return claims
 
 
-def evaluate(claims: Sequence[Claim], measured: Mapping[str, Measured]) -> list[Judged]:
-    """Judge each claim by what the studies measured, in the order of the claims.
+def evaluate(claims: Sequence[Claim], measured: Mapping[str, Quantity]) -> list[JudgedClaim]:
+    """Compare each claim with what the studies measured, in the order of the claims.
 
-    A claim agrees if every element of every quantity is as asked, differs if none is, agrees partly otherwise. It is
-    not evaluated if a quantity was not measured.
+    A claim agrees if every element of every quantity meets its condition, differs if none does, and agrees partly
+    otherwise. It is not evaluated if a quantity was not measured.
 
     Raises:
         InputError: a quantity is of the wrong kind for its criterion.
@@ -193,7 +193,7 @@ def evaluate(claims: Sequence[Claim], measured: Mapping[str, Measured]) -> list[
     return [_judge(claim, measured) for claim in claims]
 
 
-def write(judged: Sequence[Judged], path: Path) -> None:
+def write(judged: Sequence[JudgedClaim], path: Path) -> None:
     """Write `claims.json`, one object a claim.
 
     Raises:
@@ -203,8 +203,8 @@ def write(judged: Sequence[Judged], path: Path) -> None:
         stream.write(msgspec.json.format(msgspec.json.encode(judged), indent=2) + b"\n")
 
 
-def table(judged: Sequence[Judged]) -> Table:
-    """Every claim with its verdict; the file has all columns, a terminal the short ones."""
+def table(judged: Sequence[JudgedClaim]) -> Table:
+    """Return a row for each claim with its result; columns without heading are for the file only."""
     columns = (
         Column("id", "claim"),
         Column("where", "in the paper"),
@@ -218,8 +218,8 @@ def table(judged: Sequence[Judged]) -> Table:
     return Table("What the paper says and what was measured", columns, list(rows))
 
 
-def summary(judged: Sequence[Judged]) -> Table:
-    """How many claims of each geometry got which verdict, and the share of those evaluated that agree."""
+def summary(judged: Sequence[JudgedClaim]) -> Table:
+    """Count the claims by geometry and result, with the share of those evaluated that agree."""
     columns = (
         Column("geometry", "geometry"),
         *(Column(verdict.replace(" ", "_").replace("-", "_"), verdict) for verdict in VERDICTS),
@@ -229,25 +229,25 @@ def summary(judged: Sequence[Judged]) -> Table:
     return Table("Claims by what the paper gives of the geometry", columns, [*rows, ("all", *_counts(judged))])
 
 
-def _counts(judged: Sequence[Judged]) -> tuple[float | None, ...]:
+def _counts(judged: Sequence[JudgedClaim]) -> tuple[float | None, ...]:
     counts = [sum(j.verdict == verdict for j in judged) for verdict in VERDICTS]
     evaluated = sum(counts[:3])
     return (*counts, 100 * counts[0] / evaluated if evaluated else None)
 
 
-def _judge(claim: Claim, measured: Mapping[str, Measured]) -> Judged:
+def _judge(claim: Claim, measured: Mapping[str, Quantity]) -> JudgedClaim:
     values = {c.key: _plain(measured[c.key]) for c in claim.criteria if c.key in measured}
     known = [c for c in claim.criteria if c.key in values]
     missing = [c.key for c in claim.criteria if c.key not in values]
     holds = [held for condition in known for held in condition.holds(values[condition.key])]
     if not claim.criteria:
-        verdict: Verdict = "not-testable"
+        verdict: ClaimResult = "not-testable"
     elif missing:
         verdict = "not evaluated"
     else:
         verdict = "agrees" if all(holds) else "partly" if any(holds) else "differs"
     failed = [c for c in known if not all(c.holds(values[c.key]))]
-    return Judged(
+    return JudgedClaim(
         id=claim.id,
         statement=claim.statement,
         place=claim.place,
@@ -265,11 +265,11 @@ def _judge(claim: Claim, measured: Mapping[str, Measured]) -> Judged:
 
 
 def _label(condition: Condition, count: int) -> str:
-    """The quantity's name before its value, where there are several."""
+    """Return the quantity's name to stand before its value if there are several."""
     return f"{_quantity(condition.key)} " if count > 1 else ""
 
 
-def _why(claim: Claim, verdict: Verdict, missing: Sequence[str], failed: Sequence[Condition]) -> str:
+def _why(claim: Claim, verdict: ClaimResult, missing: Sequence[str], failed: Sequence[Condition]) -> str:
     if verdict == "not-testable":
         return claim.note
     if verdict == "not evaluated":
@@ -283,8 +283,8 @@ def _why(claim: Claim, verdict: Verdict, missing: Sequence[str], failed: Sequenc
     return ". ".join(reason.strip().rstrip(".") for reason in reasons if reason)
 
 
-def _plain(value: Measured) -> Measured:
-    """The value in Python's own types, whole numbers as floats."""
+def _plain(value: Quantity) -> Quantity:
+    """Return the value in Python's own types, whole numbers as floats."""
     if isinstance(value, bool | np.bool_):
         return bool(value)
     if isinstance(value, list | np.ndarray):
@@ -292,14 +292,14 @@ def _plain(value: Measured) -> Measured:
     return value if isinstance(value, str) else float(value)
 
 
-def _jsonable(value: Measured) -> float | bool | str | list[float | None] | None:
+def _jsonable(value: Quantity) -> float | bool | str | list[float | None] | None:
     if isinstance(value, list):
         return [number if math.isfinite(number) else None for number in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _quantity(key: str) -> str:
-    """`length.first_maximum_48mm_kmh` -> `first maximum 48mm`."""
+    """Return the quantity in words: `length.first_maximum_48mm_kmh` -> `first maximum 48mm`."""
     words = key.partition(".")[2].split("_")
     return " ".join(words[:-1] if len(words) > 1 and words[-1] in _UNITS else words)
 

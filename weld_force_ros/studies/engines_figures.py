@@ -8,9 +8,9 @@ import numpy as np
 
 from weld_force_ros.physics.arrays import ComplexArray
 from weld_force_ros.report.figures import BLUE, GREEN, GREY, ORANGE, RED, new_figure, save
-from weld_force_ros.studies.comparison import Passage, error_of
-from weld_force_ros.studies.engines import FLATS, TARGETS, EnginesStudy, FlatCurve, ReceptanceSection
-from weld_force_ros.studies.orders import PAPERS_SECOND_ANGLE_KMH, OrderEffect
+from weld_force_ros.studies.engines_study import FLATS, TARGETS, EnginesStudy, FlatCurve, PointReceptance
+from weld_force_ros.studies.fit_orders import PAPERS_SECOND_ANGLE_KMH, OrderEffect
+from weld_force_ros.studies.peak_comparison import Passage, error_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +25,7 @@ _ENGINE_COLOURS = {"common-poles": BLUE, "rfp": RED}
 
 
 def write(study: EnginesStudy, out: Path) -> list[Path]:
-    """Draw everything into a folder, as PNG and SVG; returns the PNGs.
+    """Draw everything into a folder, as PNG and SVG; return the PNGs.
 
     Raises:
         InputError: matplotlib is not installed, or the folder cannot be written.
@@ -43,7 +43,7 @@ def write(study: EnginesStudy, out: Path) -> list[Path]:
 
 
 def error_by_speed(passages: Sequence[Passage]) -> "Figure":
-    """Largest difference of all positions against speed: a column a track, a row an engine, a line a shape."""
+    """Draw the largest difference of all positions against speed: a column a track, a row an engine, a line a shape."""
     tracks = list(dict.fromkeys(p.track for p in passages))
     engines = list(dict.fromkeys(p.engine for p in passages))
     figure = new_figure(4.2 * len(tracks), 2.8 * len(engines) + 1.2)
@@ -78,7 +78,7 @@ def _draw_errors(panel: "Axes", passages: Sequence[Passage]) -> None:
 
 
 def flat_curves(curves: Sequence[FlatCurve]) -> "Figure":
-    """Largest peak force of all positions against speed, a panel a wheel flat."""
+    """Draw the largest peak force of all positions against speed, a panel for each wheel flat."""
     shapes = [shape for shape in FLATS if any(c.shape == shape for c in curves)]
     figure = new_figure(4.2 * len(shapes), 4.4)
     panels = figure.subplots(1, len(shapes), sharey=True, squeeze=False)[0]
@@ -102,7 +102,7 @@ def flat_curves(curves: Sequence[FlatCurve]) -> "Figure":
 
 
 def error_by_order(effects: Sequence[OrderEffect]) -> "Figure":
-    """Fit error, difference in peak force and second sharp angle against the number of states."""
+    """Draw fit error, difference in peak force and second sharp angle against the number of states."""
     figure = new_figure(12.6, 4.9)
     fit, force, angle = figure.subplots(1, 3)
     fitted = [e for e in effects if e.order is not None]
@@ -138,20 +138,18 @@ def error_by_order(effects: Sequence[OrderEffect]) -> "Figure":
     return figure
 
 
-def hysteretic_receptance(sections: Sequence[ReceptanceSection]) -> "Figure":
-    """Exact receptance of a track with loss factors beside its causal part and the fits, and their errors."""
-    figure = new_figure(5.4 * len(sections), 8.6)
-    axes = figure.subplots(3, len(sections), sharex=True, sharey="row", squeeze=False, height_ratios=[3, 2, 2])
-    for column, section in zip(axes.T, sections, strict=True):
-        place = "over the sleeper" if section.at_m == 0.0 else f"{section.at_m * 100:.0f} cm after the sleeper"
-        column[0].set_title(f"{section.track}, {place}")
-        _draw_receptance(column, section, "exact", section.exact, {"color": "#bbbbbb", "linewidth": 5})
-        _draw_receptance(
-            column, section, "exact, cut at the impulse", section.causal, {"color": _BLACK, "linestyle": "--"}
-        )
-        for engine, values in section.engines.items():
+def hysteretic_receptance(points: Sequence[PointReceptance]) -> "Figure":
+    """Draw the exact receptance of a track with loss factors, its causal part, the fits, and their errors."""
+    figure = new_figure(5.4 * len(points), 8.6)
+    axes = figure.subplots(3, len(points), sharex=True, sharey="row", squeeze=False, height_ratios=[3, 2, 2])
+    for column, point in zip(axes.T, points, strict=True):
+        place = "over the sleeper" if point.at_m == 0.0 else f"{point.at_m * 100:.0f} cm after the sleeper"
+        column[0].set_title(f"{point.track}, {place}")
+        _draw_receptance(column, point, "exact", point.exact, {"color": "#bbbbbb", "linewidth": 5})
+        _draw_receptance(column, point, "exact, cut at the impulse", point.causal, {"color": _BLACK, "linestyle": "--"})
+        for engine, values in point.engines.items():
             style = {"color": _ENGINE_COLOURS.get(engine, GREEN), "linewidth": 1.3}
-            _draw_receptance(column, section, engine, values, style)
+            _draw_receptance(column, point, engine, values, style)
     magnitude, phase, error = axes[:, 0]
     magnitude.set(ylabel="receptance, nm/N", xscale="log", yscale="log")
     phase.set(ylabel="phase, degrees", ylim=(-200, 20), yticks=range(-180, 1, 45))
@@ -168,14 +166,14 @@ def hysteretic_receptance(sections: Sequence[ReceptanceSection]) -> "Figure":
 
 
 def _draw_receptance(
-    panels: "Sequence[Axes]", section: ReceptanceSection, name: str, values: ComplexArray, style: dict[str, Any]
+    panels: "Sequence[Axes]", point: PointReceptance, name: str, values: ComplexArray, style: dict[str, Any]
 ) -> None:
     magnitude, phase, error = panels
-    magnitude.plot(section.frequency_hz, np.abs(values) * 1e9, label=name, **style)
+    magnitude.plot(point.frequency_hz, np.abs(values) * 1e9, label=name, **style)
     # A passive track stays between 0 and -180 degrees; what oversteps that a little is not to jump across the panel.
     degrees = np.mod(np.degrees(np.angle(values)) + 270, 360) - 270
     degrees[1:][np.abs(np.diff(degrees)) > 180] = np.nan
-    phase.plot(section.frequency_hz, degrees, **style)
-    if values is not section.exact:
-        seen = np.abs(values - section.exact) / np.abs(section.exact + section.contact)
-        error.plot(section.frequency_hz, 100 * seen, **style)
+    phase.plot(point.frequency_hz, degrees, **style)
+    if values is not point.exact:
+        seen = np.abs(values - point.exact) / np.abs(point.exact + point.contact)
+        error.plot(point.frequency_hz, 100 * seen, **style)

@@ -12,13 +12,13 @@ from weld_force_ros import SOFTWARE
 from weld_force_ros._files import whole_file
 from weld_force_ros.errors import InputError, os_errors_as
 from weld_force_ros.report.figures import save
-from weld_force_ros.studies.laboratory import StudyResult
-from weld_force_ros.studies.tables import Table
+from weld_force_ros.studies.result_table import Table
+from weld_force_ros.studies.study_context import StudyResult
 
 
 @dataclass(frozen=True)
 class RenderedStudy:
-    """An investigation as it lies on disk."""
+    """A study whose figures and tables are written."""
 
     name: str
     title: str
@@ -26,13 +26,13 @@ class RenderedStudy:
     tables: list[str]
 
 
-def write_investigation(found: StudyResult, out: Path) -> RenderedStudy:
-    """Write figures (PNG, SVG) and tables (CSV) into a folder of the investigation's own.
+def write_study(found: StudyResult, out: Path) -> RenderedStudy:
+    """Write figures (PNG, SVG) and tables (CSV) into the study's own folder.
 
     Raises:
         InputError: the folder cannot be written, or matplotlib is not installed.
     """
-    folder = made(out / found.name)
+    folder = make_folder(out / found.name)
     pictures = []
     for picture in found.pictures:
         for ending in ("svg", "png"):
@@ -43,8 +43,8 @@ def write_investigation(found: StudyResult, out: Path) -> RenderedStudy:
     return RenderedStudy(found.name, found.title, pictures, [f"{found.name}/{name}.csv" for name in found.tables])
 
 
-def made(folder: Path) -> Path:
-    """The folder, which now exists.
+def make_folder(folder: Path) -> Path:
+    """Make a folder, if it does not exist, and return it.
 
     Raises:
         InputError: it cannot be made.
@@ -101,7 +101,7 @@ def _in_words(table: Table) -> dict[str, Any]:
 
 
 def _with_a_palette(png: Path) -> bytes:
-    """A picture in 256 colours, a third of its size."""
+    """Return a picture in 256 colours, a third of its size."""
     from PIL import Image  # comes with matplotlib
 
     small = io.BytesIO()

@@ -1,4 +1,4 @@
-"""Grids of shapes, speeds and positions, rolled over by the reference and then by any engine.
+"""Grids of shapes, speeds and positions, simulated by the reference and then by any engine.
 
 Wheel flats are cosine dips, as deep and long as in reality: the 0.9 mm flat of the 2018 paper is 100 mm long, which is
 1.757 times the chord sqrt(8 R d) of a fresh flat. The flats of 1 and 2 mm (its Fig. 8, after Pieringer, whose exact
@@ -20,7 +20,7 @@ from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
 from weld_force_ros.simulation import track_file
 from weld_force_ros.simulation.track_file import TrackDefinition
-from weld_force_ros.studies.comparison import Passage
+from weld_force_ros.studies.peak_comparison import Passage
 from weld_force_ros.studies.reference_peaks import ReferencePeaks
 
 _RADIUS_M = 0.45
@@ -37,10 +37,10 @@ COSINES_M = {
 
 
 class GridEvaluator(Protocol):
-    """A wheel on a track, by whatever engine."""
+    """A model of wheel and track that computes peak forces, by any engine."""
 
     def peak_map(self, wheel_path: WheelPath, speeds_kmh: ArrayLike, positions_m: ArrayLike) -> PeakMap:
-        """As `weld_force_ros.physics.passage.passage.VehicleTrackModel.peak_map`."""
+        """Return peaks as `weld_force_ros.physics.passage.passage.VehicleTrackModel.peak_map` does."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class ReferenceGrid:
     peak_n: FloatArray
 
     def compared(self, engine: str, vehicle_track: GridEvaluator) -> list[Passage]:
-        """Every passage of the grid by another engine beside the reference's; NaN where it cannot follow."""
+        """Simulate the grid by another engine and return each passage beside the reference's; NaN where it fails."""
         passages = []
         speeds, positions = self.grid.speeds_kmh, self.positions_m.tolist()
         for shape, wheel_path, reference in zip(self.grid.shapes, self.wheel_paths, self.peak_n, strict=True):
@@ -80,7 +80,7 @@ class ReferenceGrid:
 def peaks(
     vehicle_track: GridEvaluator, wheel_path: WheelPath, speeds_kmh: Sequence[float], positions_m: FloatArray
 ) -> FloatArray:
-    """Peak forces over one shape, N, (n_speed, n_position); NaN at speeds that the engine cannot follow."""
+    """Return peak forces over one shape, N, (n_speed, n_position); NaN at speeds at which the engine fails."""
     try:
         return vehicle_track.peak_map(wheel_path, speeds_kmh, positions_m).peak_force_n
     except NumericalError:
@@ -89,20 +89,20 @@ def peaks(
         return np.concatenate([peaks(vehicle_track, wheel_path, [speed], positions_m) for speed in speeds_kmh])
 
 
-def referenced(grid: Grid, kept: ReferencePeaks, on_speed: Callable[[], object]) -> ReferenceGrid:
-    """The reference's peak forces on a grid, computed or found in `kept`."""
+def referenced(grid: Grid, reference_peaks: ReferencePeaks, on_speed: Callable[[], object]) -> ReferenceGrid:
+    """Return the reference's peak forces on a grid, computed or read from `reference_peaks`."""
     definition = track_file.load(grid.track)
     wheel_paths = [wheel_path(shape, definition) for shape in grid.shapes]
     positions = np.arange(grid.position_count) * definition.track.spacing_m / grid.position_count
     peaks = []
     for speed in grid.speeds_kmh:
-        peaks.append(kept.at_speed(definition, wheel_paths, speed, positions)[:, 0])
+        peaks.append(reference_peaks.at_speed(definition, wheel_paths, speed, positions)[:, 0])
         on_speed()
     return ReferenceGrid(grid, definition, wheel_paths, positions, np.stack(peaks, axis=1))
 
 
 def wheel_path(shape: str, definition: TrackDefinition) -> WheelPath:
-    """The wheel centre's trajectory over a shape of `COSINES_M` or a shipped profile.
+    """Return the wheel centre's path over a shape of `COSINES_M` or a shipped profile.
 
     Raises:
         InputError: there is no such shape.
@@ -114,6 +114,6 @@ def wheel_path(shape: str, definition: TrackDefinition) -> WheelPath:
 
 
 def sampled_cosine(length_m: float, depth_m: float) -> tuple[FloatArray, FloatArray]:
-    """Positions and heights of a cosine dip, m, each (n,)."""
+    """Return positions and heights of a cosine dip, m, each (n,)."""
     x = np.linspace(-length_m / 2, length_m / 2, round(length_m / _SAMPLE_M) + 1)
     return x, cosine_dip(x, length_m, depth_m)

@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report.figures import new_figure
-from weld_force_ros.studies.laboratory import Picture
-from weld_force_ros.studies.style import MAP, draw_map
+from weld_force_ros.studies.figure_style import MAP, draw_map
+from weld_force_ros.studies.study_context import Picture
 from weld_force_ros.studies.weld_map import WeldMap
 
 
 def picture(weld: WeldMap) -> Picture:
-    """One weld: 3D surface and map, hollows outlined."""
+    """Draw one weld's forces as a 3D surface and a map, hollows outlined."""
     figure = new_figure(7.0, 3.5)
     grid = figure.add_gridspec(1, 2)
     solid: Any = figure.add_subplot(grid[0], projection="3d")
@@ -34,7 +34,7 @@ def picture(weld: WeldMap) -> Picture:
 def draw_surface(
     axes: Any, positions_m: FloatArray, speeds_kmh: FloatArray, values: FloatArray, span_m: float, **how: Any
 ) -> None:
-    """Values (n_speed, n_position) as a 3D surface over position and speed, the span closed, sleepers dashed."""
+    """Draw values (n_speed, n_position) as a 3D surface over position and speed, sleepers dashed at both ends."""
     closed = np.append(positions_m, positions_m[0] + span_m) * 100
     values = np.column_stack([values, values[:, 0]])
     position, speed = np.meshgrid(closed, speeds_kmh)
@@ -51,7 +51,7 @@ def draw_surface(
 
 
 def outline(axes: Any, positions_m: FloatArray, speeds_kmh: FloatArray, mask: NDArray[np.bool_], span_m: float) -> None:
-    """White lines round the cells of a mask (n_speed, n_position) on a map, and hatching inside."""
+    """Draw white lines round the cells of a mask (n_speed, n_position) on a map, and hatch them."""
     closed = np.append(positions_m, positions_m[0] + span_m) * 100
     cells = np.column_stack([mask, mask[:, 0]]).astype(float)
     if mask.any():
@@ -61,6 +61,6 @@ def outline(axes: Any, positions_m: FloatArray, speeds_kmh: FloatArray, mask: ND
 
 
 def name_sleepers(axes: Any, span_m: float) -> None:
-    """Names above a map's left and right edge, where the sleepers are."""
+    """Name the sleepers above a map's left and right edge."""
     for place_cm, side in ((0.0, "left"), (span_m * 100, "right")):
         axes.text(place_cm, 1.01, "sleeper", transform=axes.get_xaxis_transform(), ha=side, fontsize=8)

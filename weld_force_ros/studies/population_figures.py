@@ -7,17 +7,17 @@ import numpy as np
 
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report.figures import GREY, new_figure
-from weld_force_ros.studies.population_rolling import (
+from weld_force_ros.studies.figure_style import COLOURS
+from weld_force_ros.studies.simulated_population import (
     KINDS,
     THIRDS,
-    Case,
-    Curve,
-    Inverted,
+    CurveShape,
+    InvertedDips,
+    SimulatedWeld,
     curves_of,
     ratios_by_frequency,
     with_hollow,
 )
-from weld_force_ros.studies.style import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,28 +26,31 @@ _NAMES = ("dip is the main feature", "protrusion is the main feature")
 _TICKS_HZ = (20, 50, 100, 200, 500)
 
 
-def examples(cases: list[Case]) -> "Figure":
-    """Profiles: three of each class, and three of the smoothest third."""
-    chosen = [[case for case in cases if case.geometry.kind == kind and case.third > 0][:3] for kind in KINDS]
-    chosen.append([case for case in cases if case.third == 0][:3])
+def examples(simulated_welds: list[SimulatedWeld]) -> "Figure":
+    """Draw profiles: three of each class, and three of the smoothest third."""
+    chosen = [
+        [simulated for simulated in simulated_welds if simulated.geometry.kind == kind and simulated.third > 0][:3]
+        for kind in KINDS
+    ]
+    chosen.append([simulated for simulated in simulated_welds if simulated.third == 0][:3])
     figure = new_figure(7.0, 5.2)
     grid = figure.subplots(3, 3, sharex=True, sharey="row")
     titles = ("dip", "protrusion", "smoothest third")
     for row, welds, title, colour in zip(grid, chosen, titles, COLOURS, strict=False):
-        for axes, case in zip(row, welds, strict=False):
+        for axes, simulated in zip(row, welds, strict=False):
             axes.axhline(0, color=GREY, linewidth=0.6)
-            axes.plot(case.weld.x_m * 100, case.weld.z_m * 1e6, color=colour, linewidth=1.2)
+            axes.plot(simulated.weld.x_m * 100, simulated.weld.z_m * 1e6, color=colour, linewidth=1.2)
         row[0].set_ylabel(f"{title}\nheight, µm")
     for axes in grid[-1]:
         axes.set_xlabel("from the weld's centre, cm")
     return figure
 
 
-def hollow_shares(cases: list[Case], without: list[Case]) -> "Figure":
-    """Share of curves with a hollow, by class and gradient, and of welds without short waves."""
+def hollow_shares(simulated_welds: list[SimulatedWeld], without: list[SimulatedWeld]) -> "Figure":
+    """Draw the share of curves with a hollow, by class and gradient, and of welds without short waves."""
     figure = new_figure(7.0, 3.8)
     axes = figure.subplots()
-    welds = [(cases, 0), (cases, 1), (cases, 2), (cases, None), (without, None)]
+    welds = [(simulated_welds, 0), (simulated_welds, 1), (simulated_welds, 2), (simulated_welds, None), (without, None)]
     for index, (kind, name) in enumerate(zip(KINDS, _NAMES, strict=True)):
         groups = [curves_of(group, kind, third) for group, third in welds]
         shares = [100 * with_hollow(curves) / max(len(curves), 1) for curves in groups]
@@ -60,12 +63,14 @@ def hollow_shares(cases: list[Case], without: list[Case]) -> "Figure":
     return figure
 
 
-def linearities(cases: list[Case], without: list[Case], own: Sequence[Curve]) -> "Figure":
-    """Distribution of the curves' R² by class, with and without short waves, and the user's own weld."""
+def linearities(
+    simulated_welds: list[SimulatedWeld], without: list[SimulatedWeld], own: Sequence[CurveShape]
+) -> "Figure":
+    """Draw the distribution of the curves' R² by class, with and without short waves, and the user's own weld."""
     figure = new_figure(7.0, 4.2)
     axes = figure.subplots()
     for kind, name, colour in zip(KINDS, _NAMES, COLOURS, strict=False):
-        axes.ecdf([curve.linearity for curve in curves_of(cases, kind)], color=colour, label=name)
+        axes.ecdf([curve.linearity for curve in curves_of(simulated_welds, kind)], color=colour, label=name)
         without_short = [curve.linearity for curve in curves_of(without, kind)]
         axes.ecdf(without_short, color=colour, linestyle="--", linewidth=1, label="the same without short waves")
     for number, curve in enumerate(own):
@@ -76,8 +81,8 @@ def linearities(cases: list[Case], without: list[Case], own: Sequence[Curve]) ->
     return figure
 
 
-def against_inverted(speeds: FloatArray, pairs: Inverted) -> "Figure":
-    """Dips against their inversions: how often better by speed, and by how much by the frequency of passing."""
+def against_inverted(speeds: FloatArray, pairs: InvertedDips) -> "Figure":
+    """Draw how often a dip gives less force than its inverse by speed, and how much by frequency of passing."""
     figure = new_figure(7.0, 3.6)
     axes = figure.subplots(1, 2)
     other = pairs.becomes_protrusion

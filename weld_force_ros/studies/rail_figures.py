@@ -1,4 +1,4 @@
-"""Pictures of study `rail`."""
+"""Pictures of the study `rail`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,8 +11,8 @@ from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.track.cross_section import Mesh
 from weld_force_ros.physics.track.waveguide_rail import WaveShape
 from weld_force_ros.report.figures import BLUE, GREY, RED, new_figure
-from weld_force_ros.studies.laboratory import Picture
-from weld_force_ros.studies.style import COLOURS
+from weld_force_ros.studies.figure_style import COLOURS
+from weld_force_ros.studies.study_context import Picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +24,7 @@ _COLUMNS = 4
 
 @dataclass(frozen=True)
 class Shape:
-    """A wave of a section at a frequency."""
+    """A wave of a rail cross-section at a frequency."""
 
     frequency_hz: float
     wave: WaveShape
@@ -42,17 +42,17 @@ class Forces:
 
     @property
     def difference(self) -> FloatArray:
-        """Of the strip's peak force from the beam's, relative."""
+        """Return the strips' peak force relative to the beam's, less 1."""
         return np.asarray(self.strip.peak_force_n / self.beam.peak_force_n - 1)
 
     @property
     def worst(self) -> tuple[FloatArray, FloatArray]:
-        """The worst position's force at each speed, beam and strip."""
+        """Return the worst position's force at each speed, of beam and strips."""
         return self.beam.peak_force_n.max(axis=1), self.strip.peak_force_n.max(axis=1)
 
 
 def dispersion(frequency_hz: FloatArray, waves: dict[str, FloatArray]) -> Picture:
-    """Wavenumbers of travelling waves over frequency."""
+    """Draw wavenumbers of travelling waves over frequency."""
     figure = new_figure(7.0, 4.4)
     axes = figure.subplots()
     for name, numbers in waves.items():
@@ -70,7 +70,7 @@ def dispersion(frequency_hz: FloatArray, waves: dict[str, FloatArray]) -> Pictur
 
 
 def receptances(frequency_hz: FloatArray, at_m: FloatArray, found: dict[str, ComplexArray]) -> Picture:
-    """Receptances of the track with either rail."""
+    """Draw receptances of the track with either rail."""
     figure = new_figure(7.0, 2.4 * len(at_m) + 0.6)
     panels = figure.subplots(len(at_m), 1, sharex=True, sharey=True)
     for row, (axes, x) in enumerate(zip(panels, at_m.tolist(), strict=True)):
@@ -89,7 +89,7 @@ def receptances(frequency_hz: FloatArray, at_m: FloatArray, found: dict[str, Com
 
 
 def differences(frequency_hz: FloatArray, at_m: FloatArray, found: dict[str, ComplexArray]) -> Picture:
-    """How far the receptances are apart."""
+    """Draw the relative difference of the receptances."""
     figure = new_figure(7.0, 3.8)
     axes = figure.subplots()
     apart = np.abs(found["strip"] / found["beam"] - 1) * 100
@@ -103,7 +103,7 @@ def differences(frequency_hz: FloatArray, at_m: FloatArray, found: dict[str, Com
 
 
 def peak_forces(forces: Sequence[Forces]) -> Picture:
-    """Force against speed, the worst position at each, over every weld."""
+    """Draw the force against speed, the worst position at each, over every weld."""
     rows = -(-len(forces) // 2)
     figure = new_figure(7.0, 2.2 * rows + 0.6)
     panels = figure.subplots(rows, 2, sharex=True).ravel()
@@ -123,7 +123,7 @@ def peak_forces(forces: Sequence[Forces]) -> Picture:
 
 
 def wave_shapes(shapes: Sequence[Shape]) -> Picture:
-    """The section as waves deform it, whole though half of it was computed."""
+    """Draw the whole cross-section as waves deform it, mirrored from the half that was computed."""
     columns = min(_COLUMNS, len(shapes))
     rows = -(-len(shapes) // columns)
     figure = new_figure(7.0, 2.5 * rows)

@@ -1,4 +1,4 @@
-"""Peak forces by the `reference` engine, which takes a second a passage: computed once and kept in a folder."""
+"""Peak forces by the `reference` engine, which takes a second a passage: computed once and stored in a folder."""
 
 import contextlib
 import hashlib
@@ -25,7 +25,7 @@ from weld_force_ros.simulation.track_file import TrackDefinition
 class ReferencePeaks:
     """A folder with a file for each track, wheel, speed and set of positions; in it, an entry for each weld.
 
-    A damaged file is as good as none, and so is one that another version of the engine has made.
+    A damaged file is ignored, and so is one that another version of the engine has made.
     """
 
     folder: Path
@@ -33,7 +33,7 @@ class ReferencePeaks:
     def at_speed(
         self, definition: TrackDefinition, wheel_paths: Sequence[WheelPath], speed_kmh: float, positions_m: FloatArray
     ) -> FloatArray:
-        """Peak force (N) and its place (m) of every passage at one speed, (n_trajectory, 2, n_position).
+        """Return peak force (N) and its place (m) of every passage at one speed, (n_path, 2, n_position).
 
         Raises:
             InputError: the folder cannot be written; a speed or position that cannot be simulated.
@@ -63,7 +63,7 @@ def _digest(number: float | str, array: FloatArray) -> str:
 
 @cache
 def _engine() -> str:
-    """Identity of what computes: the engine's constants decide on the result as much as its formulas."""
+    """Return a digest of the engine's source: its constants decide on the result as much as its formulas."""
     sources = [inspect.getsource(module) for module in (greens_function, beam)]
     return hashlib.sha256("".join([__version__, *sources]).encode()).hexdigest()
 
@@ -77,7 +77,7 @@ def _read(path: Path) -> dict[str, FloatArray]:
 
 
 def _write(path: Path, entries: dict[str, FloatArray]) -> None:
-    """Write so that a run that is stopped leaves the whole file or none."""
+    """Write the whole file or none, also if the run is stopped."""
     content = io.BytesIO()
     np.savez(content, **entries)  # type: ignore[arg-type]  # keywords are arrays, not allow_pickle
     _files.write_whole(path, content.getvalue())

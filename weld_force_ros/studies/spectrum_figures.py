@@ -1,4 +1,4 @@
-"""Pictures of study `spectrum`."""
+"""Pictures of the study `spectrum`."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -8,8 +8,8 @@ import numpy as np
 from weld_force_ros.physics.analysis.spectra import Spectrum, resonances_hz
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.report.figures import GREY, new_figure
-from weld_force_ros.studies.laboratory import Picture
-from weld_force_ros.studies.style import COLOURS
+from weld_force_ros.studies.figure_style import COLOURS
+from weld_force_ros.studies.study_context import Picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +21,7 @@ _DIP_HZ = (40, 2000)  # below, the record's own length shows in the spectrum of 
 
 @dataclass(frozen=True)
 class Excitation:
-    """What a weld does at a speed: spectra of its irregularity (m) and of the force (N)."""
+    """Spectra of a weld's irregularity (m) and of the force over it (N) at a speed."""
 
     weld: str
     speed_kmh: float
@@ -32,7 +32,7 @@ class Excitation:
 def receptance_picture(
     frequency_hz: FloatArray, receptances: dict[str, ComplexArray], sections_m: FloatArray, where: str
 ) -> Picture:
-    """The track alone, and with the wheelset; `where` says which track, or which place on it, the wheelset is on."""
+    """Draw receptances of the track alone and with the wheelset; `where` names the wheelset's track or place."""
     figure = new_figure(7.0, 6.6)
     above, below = figure.subplots(2, 1, sharex=True)
     for section, at_m, colour in zip(np.abs(receptances["sections"]), sections_m, COLOURS, strict=False):
@@ -49,13 +49,13 @@ def receptance_picture(
     above.set(xlabel="")
     return Picture(
         "spectrum-receptance", "What the track gives: receptances",
-        "Above: sections of the span differ most near the pinned-pinned resonance. Below: the track that this study "
+        "Above: positions in the span differ most near the pinned-pinned resonance. Below: the track that this study "
         "rolls over beside the span's mean; the wheelset on it has resonances of its own.", figure,
     )  # fmt: skip
 
 
 def weld_pictures(weld: str, excitations: list[Excitation], wheelset: tuple[FloatArray, FloatArray]) -> list[Picture]:
-    """Spectra at all speeds together, and speed by speed with the wheelset's receptance."""
+    """Draw spectra at all speeds together, and speed by speed with the wheelset's receptance."""
     return [_together(weld, excitations), _by_speed(weld, excitations, wheelset)]
 
 
@@ -95,7 +95,7 @@ def _by_speed(weld: str, excitations: list[Excitation], wheelset: tuple[FloatArr
 
 
 def dip_picture(weld: str, excitation: Excitation, wheelset: tuple[FloatArray, FloatArray], cut_hz: float) -> Picture:
-    """Spectrum over the cosine dip."""
+    """Draw the spectrum over the cosine dip."""
     figure = new_figure(7.0, 3.8)
     axes = figure.subplots()
     _draw_relative(axes, excitation, wheelset, _DIP_HZ)
@@ -112,7 +112,7 @@ def dip_picture(weld: str, excitation: Excitation, wheelset: tuple[FloatArray, F
 
 
 def mark_frequencies(axes: "Axes", from_hz: float, to_hz: float) -> None:
-    """A logarithmic axis of frequency with plain numbers."""
+    """Make the horizontal axis logarithmic in frequency, with plain numbers."""
     ticks = [tick for tick in _TICKS_HZ if from_hz <= tick <= to_hz]
     axes.set(xscale="log", xlabel="frequency, Hz")
     axes.set_xticks(ticks, [f"{tick}" for tick in ticks])

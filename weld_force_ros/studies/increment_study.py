@@ -17,11 +17,19 @@ from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.wheel_path import WheelPath
 from weld_force_ros.report.figures import new_figure
-from weld_force_ros.studies.laboratory import BILBAO, WELDS, Measured, Picture, StudyContext, StudyResult, grid_rows
+from weld_force_ros.studies.figure_style import draw_map
 from weld_force_ros.studies.map_figures import draw_surface, name_sleepers, outline
-from weld_force_ros.studies.passages import SIGNIFICANT, SmoothRail, features
-from weld_force_ros.studies.style import draw_map
-from weld_force_ros.studies.tables import Column, Table
+from weld_force_ros.studies.passage_curves import SIGNIFICANT, SmoothRailPassage, features
+from weld_force_ros.studies.result_table import Column, Table
+from weld_force_ros.studies.study_context import (
+    BILBAO,
+    WELDS,
+    Picture,
+    Quantities,
+    StudyContext,
+    StudyResult,
+    grid_rows,
+)
 from weld_force_ros.studies.weld_map import SPEEDS_KMH, within
 
 if TYPE_CHECKING:
@@ -29,7 +37,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Excess:
+class ForceExcess:
     """Forces over one weld, each (n_speed, n_position).
 
     Attributes:
@@ -43,11 +51,15 @@ class Excess:
     smooth_n: FloatArray
 
 
-def run(lab: StudyContext) -> StudyResult:
-    """Dynamic force and increment over speed and position."""
-    (weld,) = lab.welds(WELDS[0])
-    speeds, positions, span_m = lab.speeds(*SPEEDS_KMH), lab.positions(BILBAO), lab.track(BILBAO).track.spacing_m
-    excess = _excess(lab, weld, speeds, positions)
+def run(context: StudyContext) -> StudyResult:
+    """Compute dynamic force and increment over speed and position."""
+    (weld,) = context.welds(WELDS[0])
+    speeds, positions, span_m = (
+        context.speeds(*SPEEDS_KMH),
+        context.positions(BILBAO),
+        context.track(BILBAO).track.spacing_m,
+    )
+    excess = _excess(context, weld, speeds, positions)
     hollows = [_hollows(speeds, positions, force, span_m) for force in (excess.dynamic_n, excess.increment_n)]
     pictures = [
         Picture(
@@ -69,27 +81,27 @@ def run(lab: StudyContext) -> StudyResult:
     )  # fmt: skip
     rows = grid_rows(speeds, positions, excess.dynamic_n, excess.increment_n, excess.smooth_n)
     table = Table(f"Dynamic force and increment over {weld}", columns, rows)
-    measured = _measured(speeds, positions, excess, hollows, span_m) if lab.papers else {}
+    measured = _claim_quantities(speeds, positions, excess, hollows, span_m) if context.uses_paper_inputs else {}
     return StudyResult("increment", "Increment over smooth rail", pictures, {"increment": table}, measured)
 
 
-def _excess(lab: StudyContext, weld: str, speeds_kmh: FloatArray, positions_m: FloatArray) -> Excess:
+def _excess(context: StudyContext, weld: str, speeds_kmh: FloatArray, positions_m: FloatArray) -> ForceExcess:
     # Made once, before threads ask for them.
-    wheel_path, vehicle_track = lab.wheel_path(weld, BILBAO), lab.vehicle_track(BILBAO)
+    wheel_path, vehicle_track = context.wheel_path(weld, BILBAO), context.vehicle_track(BILBAO)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        rows = pool.map(partial(_at_speed, lab, vehicle_track, wheel_path, positions_m), speeds_kmh.tolist())
-        return Excess(*np.stack(list(rows), axis=1))
+        rows = pool.map(partial(_at_speed, context, vehicle_track, wheel_path, positions_m), speeds_kmh.tolist())
+        return ForceExcess(*np.stack(list(rows), axis=1))
 
 
 def _at_speed(
-    lab: StudyContext,
+    context: StudyContext,
     vehicle_track: VehicleTrackModel,
     wheel_path: WheelPath,
     positions_m: FloatArray,
     speed_kmh: float,
 ) -> FloatArray:
-    """The fields of `Excess` at one speed, (3, n_position)."""
-    smooth, static_n = SmoothRail(lab, BILBAO, speed_kmh), vehicle_track.wheel.static_load_n
+    """Return the fields of `ForceExcess` at one speed, (3, n_position)."""
+    smooth, static_n = SmoothRailPassage(context, BILBAO, speed_kmh), vehicle_track.wheel.static_load_n
     found = np.empty((3, len(positions_m)))
     for column, position in enumerate(positions_m.tolist()):
         history = vehicle_track.history(wheel_path, speed_kmh, position)
@@ -108,7 +120,7 @@ def _hollows(speeds_kmh: FloatArray, positions_m: FloatArray, force_n: FloatArra
 
 
 def _draw(
-    speeds: FloatArray, positions: FloatArray, excess: Excess, hollows: list[SurfaceFeatures], span_m: float
+    speeds: FloatArray, positions: FloatArray, excess: ForceExcess, hollows: list[SurfaceFeatures], span_m: float
 ) -> "Figure":
     figure = new_figure(7.0, 6.2)
     grid = figure.add_gridspec(2, 2)
@@ -133,7 +145,7 @@ def _draw(
     return figure
 
 
-def _draw_difference(speeds: FloatArray, positions: FloatArray, excess: Excess, span_m: float) -> "Figure":
+def _draw_difference(speeds: FloatArray, positions: FloatArray, excess: ForceExcess, span_m: float) -> "Figure":
     figure = new_figure(7.0, 3.6)
     axes = figure.subplots()
     difference = (excess.dynamic_n - excess.increment_n) / 1e3
@@ -145,9 +157,9 @@ def _draw_difference(speeds: FloatArray, positions: FloatArray, excess: Excess, 
     return figure
 
 
-def _measured(
-    speeds: FloatArray, positions: FloatArray, excess: Excess, hollows: list[SurfaceFeatures], span_m: float
-) -> Measured:
+def _claim_quantities(
+    speeds: FloatArray, positions: FloatArray, excess: ForceExcess, hollows: list[SurfaceFeatures], span_m: float
+) -> Quantities:
     dynamic, increment = excess.dynamic_n, excess.increment_n
     cells = [int(shape.hollow.sum()) for shape in hollows]
     near = within(positions, 0.15, 0.35)
@@ -170,13 +182,13 @@ def _spread(force_n: FloatArray) -> float:
 
 
 def _roughness(force_n: FloatArray) -> float:
-    """RMS of second differences along the position, round the span."""
+    """Return the RMS of second differences along the position, round the span."""
     second = np.roll(force_n, 1, axis=1) - 2 * force_n + np.roll(force_n, -1, axis=1)
     return float(np.sqrt(np.mean(second**2)))
 
 
 def _sleeper_distance_of_highest(positions_m: FloatArray, force_n: FloatArray, span_m: float) -> float:
-    """Mean distance to the nearest sleeper of the highest twentieth of cells."""
+    """Return the mean distance to the nearest sleeper of the highest twentieth of cells."""
     distance = np.broadcast_to(np.minimum(positions_m, span_m - positions_m), force_n.shape)
     count = max(1, round(0.05 * force_n.size))
     return float(distance.ravel()[np.argsort(force_n, axis=None)[-count:]].mean())

@@ -1,4 +1,4 @@
-"""How far the fitted engines are from the `reference`: peak forces over shapes, speeds, positions and tracks."""
+"""Study `engines`: peak forces of the fitted engines and of the `reference`, over shapes, speeds and tracks."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from weld_force_ros import SOFTWARE
 from weld_force_ros._files import write_whole
-from weld_force_ros.errors import InputError, os_errors_as
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.track.beam import receptance
@@ -19,10 +18,8 @@ from weld_force_ros.physics.track.causality import acausal
 from weld_force_ros.simulation import track_file
 from weld_force_ros.simulation.settings import ENGINES, simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
-from weld_force_ros.studies import Stage, no_progress
-from weld_force_ros.studies.comparison import Error, Passage, error_table, grouped, passage_table
-from weld_force_ros.studies.grids import Grid, GridEvaluator, ReferenceGrid, peaks, referenced
-from weld_force_ros.studies.orders import (
+from weld_force_ros.studies import StartProgress, no_progress
+from weld_force_ros.studies.fit_orders import (
     ANGLE_SPEEDS_KMH,
     ORDERS,
     PAPERS_SECOND_ANGLE_KMH,
@@ -30,8 +27,11 @@ from weld_force_ros.studies.orders import (
     order_effects,
     order_table,
 )
+from weld_force_ros.studies.gallery import make_folder
+from weld_force_ros.studies.grids import Grid, GridEvaluator, ReferenceGrid, peaks, referenced
+from weld_force_ros.studies.peak_comparison import Error, Passage, error_table, grouped, passage_table
 from weld_force_ros.studies.reference_peaks import ReferencePeaks
-from weld_force_ros.studies.tables import Cell, Column, Table
+from weld_force_ros.studies.result_table import Cell, Column, Table
 
 FLATS = ("wheel-flat-0.9mm", "wheel-flat-1mm", "wheel-flat-2mm")
 _WELDS = (
@@ -55,7 +55,7 @@ _CURVE_STEP_KMH = 5.0
 _HYSTERETIC = "bilbao"
 _RECEPTANCE_HZ = np.geomspace(10.0, 2500.0, 600)
 
-# Asked of an engine on a track: RMS and largest difference, % of the reference's peak force.
+# Targets for an engine on a track: RMS and largest difference, % of the reference's peak force.
 TARGETS = {
     ("johansson-nielsen", "common-poles"): (0.5, 1.2),
     ("johansson-nielsen", "rfp"): (2.0, 5.0),
@@ -93,7 +93,7 @@ class FlatCurve:
 
 
 @dataclass(frozen=True)
-class ReceptanceSection:
+class PointReceptance:
     """A hysteretic track's receptance at a place, m/N, each (n_frequency,).
 
     Attributes:
@@ -117,44 +117,48 @@ class ReceptanceSection:
 
 @dataclass(frozen=True)
 class EnginesStudy:
-    """All that the study finds; `tables` by the name of their file."""
+    """The results of the study; `tables` by the name of their file."""
 
     passages: list[Passage]
     outcomes: list[Outcome]
     flats: list[FlatCurve]
     orders: list[OrderEffect]
-    receptances: list[ReceptanceSection]
+    receptances: list[PointReceptance]
     tables: dict[str, Table]
 
 
-class _Fitted(Protocol):
+class _ReceptanceModel(Protocol):
     def receptance(self, frequency_hz: ArrayLike, at_m: ArrayLike) -> ComplexArray: ...
 
 
 def run(
-    out: Path, *, quick: bool = False, stage: Stage = no_progress, on_fit: Callable[[str], None] | None = None
+    out: Path,
+    *,
+    quick: bool = False,
+    start_progress: StartProgress = no_progress,
+    on_fit: Callable[[str], None] | None = None,
 ) -> EnginesStudy:
     """Compare every engine that can be built with the reference, and write what is found.
 
     Args:
         out: folder for CSV tables, `engines.json`, and the reference's results, which a second run finds there.
         quick: a small grid, to see whether it works.
-        stage: told of progress.
-        on_fit: told, in words, if an engine has to fit a track first.
+        start_progress: starts the display of progress.
+        on_fit: called with a sentence if an engine has to fit a track first.
 
     Raises:
         InputError: the folder cannot be written.
     """
-    _make_folder(out)
-    kept = ReferencePeaks(out / "reference")
+    make_folder(out)
+    reference_peaks = ReferencePeaks(out / "reference")
     engines = [engine for engine in ENGINES if engine != "reference"]
     grids = [
-        referenced(grid, kept, stage(f"reference on {grid.track}", len(grid.speeds_kmh)))
+        referenced(grid, reference_peaks, start_progress(f"reference on {grid.track}", len(grid.speeds_kmh)))
         for grid in (QUICK_GRIDS if quick else GRIDS)
     ]
     passages: list[Passage] = []
     flats: list[FlatCurve] = []
-    step = stage("fitted engines", len(grids) * len(engines))
+    step = start_progress("fitted engines", len(grids) * len(engines))
     for grid in grids:
         flats += _reference_curves(grid)
         for engine in engines:
@@ -164,8 +168,8 @@ def run(
             step()
     orders = order_effects(
         grids,
-        kept,
-        stage,
+        reference_peaks,
+        start_progress,
         orders=_QUICK_ORDERS if quick else ORDERS,
         speeds_kmh=ANGLE_SPEEDS_KMH[::8] if quick else ANGLE_SPEEDS_KMH,
     )
@@ -184,11 +188,6 @@ def run(
         table.write_csv(out / f"{name}.csv")
     _write_summary(study, grids, out / "engines.json")
     return study
-
-
-def _make_folder(out: Path) -> None:
-    with os_errors_as(InputError, out, "name a writable folder"):
-        out.mkdir(parents=True, exist_ok=True)
 
 
 def _simulator(track: str, engine: str, on_fit: Callable[[str], None] | None) -> Simulator:
@@ -216,22 +215,22 @@ def _engine_curves(reference: ReferenceGrid, engine: str, vehicle_track: GridEva
     ]
 
 
-def _receptances(engines: Sequence[str], on_fit: Callable[[str], None] | None) -> list[ReceptanceSection]:
-    """Over the sleeper and at mid-span."""
+def _receptances(engines: Sequence[str], on_fit: Callable[[str], None] | None) -> list[PointReceptance]:
+    """Compute receptances over the sleeper and at mid-span."""
     models = {
         engine: cast(VehicleTrackModel, _simulator(_HYSTERETIC, engine, on_fit).vehicle_track).model
         for engine in engines
     }
     definition = track_file.load(_HYSTERETIC)
     track, contact = definition.track, definition.wheel.compliance(2 * np.pi * _RECEPTANCE_HZ)
-    sections = []
+    points = []
     for at_m in (0.0, track.spacing_m / 2):
         split = acausal(track, at_m)
         causal = np.interp(_RECEPTANCE_HZ, split.frequency_hz, split.causal)
-        fitted = {e: cast(_Fitted, m).receptance(_RECEPTANCE_HZ, at_m)[0] for e, m in models.items()}
+        fitted = {e: cast(_ReceptanceModel, m).receptance(_RECEPTANCE_HZ, at_m)[0] for e, m in models.items()}
         exact = receptance(track, _RECEPTANCE_HZ, at_m)[0]
-        sections.append(ReceptanceSection(track.name, at_m, _RECEPTANCE_HZ, exact, causal, contact, fitted))
-    return sections
+        points.append(PointReceptance(track.name, at_m, _RECEPTANCE_HZ, exact, causal, contact, fitted))
+    return points
 
 
 def _outcome(error: Error) -> Outcome:
@@ -247,7 +246,7 @@ def _outcome(error: Error) -> Outcome:
 
 
 def outcome_table(outcomes: Sequence[Outcome]) -> Table:
-    """A row for each track and engine, the target beside what was measured."""
+    """Return a row for each track and engine, the target beside what was measured."""
     columns = (
         Column("track", "track"),
         Column("engine", "engine"),

@@ -1,4 +1,4 @@
-"""Study `rail`: a beam and finite strips under the same track and the same welds: where a beam stops being enough."""
+"""Study `rail`: a beam and finite strips on the same track, under the same welds: where a beam is not enough."""
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
@@ -16,9 +16,9 @@ from weld_force_ros.physics.track.outline import Dimensions
 from weld_force_ros.simulation import fit_store, section_file, track_file
 from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.studies import rail_figures
-from weld_force_ros.studies.laboratory import DIP_48, WELDS, Measured, StudyResult, as_columns
 from weld_force_ros.studies.rail_figures import Forces
-from weld_force_ros.studies.tables import Cell, Column, Table
+from weld_force_ros.studies.result_table import Cell, Column, Table
+from weld_force_ros.studies.study_context import DIP_48, WELDS, Quantities, StudyResult, as_columns
 
 HIGHEST_HZ = 5000.0
 PARTING = (0.05, 0.10, 0.20)
@@ -30,13 +30,13 @@ _BENDING_HZ = 300.0
 
 
 def with_strips(definition: TrackDefinition, section: Dimensions) -> TrackDefinition:
-    """The same track, its rail by finite strips of a section."""
+    """Return the same track, its rail by finite strips of a cross-section."""
     rail = StripRail(**asdict(_beam_of(definition.track.rail)), section=section)
     return replace(definition, track=replace(definition.track, rail=rail))
 
 
 def with_beam(definition: TrackDefinition) -> TrackDefinition:
-    """The same track, its rail a beam and its pads points."""
+    """Return the same track, its rail a beam and its pads points."""
     track = replace(definition.track, rail=_beam_of(definition.track.rail), pad_width_m=0.0)
     return replace(definition, track=track)
 
@@ -50,17 +50,17 @@ def run(
     section: str,
     *,
     coarse: bool = False,
-    stage: Callable[[str, int], Callable[[], None]],
+    start_progress: Callable[[str, int], Callable[[], None]],
     say: Callable[[str], None],
 ) -> StudyResult:
-    """Waves, receptances and peak forces of both rails.
+    """Compute waves, receptances and peak forces of both rails.
 
     Args:
         track: name or file; a rail by strips in it is compared as it stands.
-        section: shipped one for a track whose rail is a beam.
+        section: name of a cross-section, for a track whose rail is a beam.
         coarse: fewer frequencies, speeds and positions.
-        stage: opens a stage of a name and a number of steps; what it returns is called after each step.
-        say: told if a fit has to be made.
+        start_progress: starts the display of progress.
+        say: called with a sentence if a fit has to be made.
 
     Raises:
         TrackError: a track or section that cannot be used.
@@ -71,7 +71,7 @@ def run(
     if not isinstance(given.track.rail, StripRail):
         strips = with_strips(given, section_file.load(section).dimensions)
     frequency_hz = np.arange(_STEP_HZ, HIGHEST_HZ + 1, _STEP_HZ * (5 if coarse else 1))
-    advance = stage("waves and receptances", 4)
+    advance = start_progress("waves and receptances", 4)
     waves = {name: _wavenumbers(one.track.rail, frequency_hz) for name, one in _both(beam, strips)}
     advance()
     at_m = np.array(_SPANS) * beam.track.spacing_m
@@ -81,7 +81,7 @@ def run(
         advance()
     shapes = _shapes(strips.track.rail)
     advance()
-    forces = _forces(beam, strips, coarse, stage, say)
+    forces = _forces(beam, strips, coarse, start_progress, say)
     pictures = [
         rail_figures.dispersion(frequency_hz, waves),
         rail_figures.receptances(frequency_hz, at_m, receptances),
@@ -94,7 +94,7 @@ def run(
         "forces": _force_table(forces),
         "receptance": _receptance_table(frequency_hz, at_m, receptances),
     }
-    measured = _measured(beam, strips, frequency_hz, receptances, forces)
+    measured = _claim_quantities(beam, strips, frequency_hz, receptances, forces)
     return StudyResult("rail", f"Beam and finite strips: {given.track.name}", pictures, found, measured)
 
 
@@ -103,13 +103,13 @@ def _both(beam: TrackDefinition, strips: TrackDefinition) -> tuple[tuple[str, Tr
 
 
 def _wavenumbers(rail: Rail, frequency_hz: FloatArray) -> FloatArray:
-    """Wavenumbers (n_wave, n_frequency) of the free rail's travelling waves, without loss; NaN of those that decay."""
+    """Return wavenumbers (n_wave, n_frequency) of the free rail's travelling waves, without loss; NaN if they decay."""
     decay = core_tracks.free_decay(replace(rail, loss_factor=0.0), frequency_hz)
     return np.where(np.abs(decay.real) <= 1e-6 * np.abs(decay), np.abs(decay.imag), np.nan)
 
 
 def _shapes(rail: Rail) -> list[rail_figures.Shape]:
-    """Waves of the section at some frequencies."""
+    """Return waves of the cross-section at some frequencies."""
     if not isinstance(rail, StripRail):
         raise TypeError("waves of a section are asked of a beam")
     free = waveguide_rail.rail(rail.section, rail.wear_m, rail.steel, refine=1)  # elements that can be seen
@@ -120,14 +120,14 @@ def _forces(
     beam: TrackDefinition,
     strips: TrackDefinition,
     coarse: bool,
-    stage: Callable[[str, int], Callable[[], None]],
+    start_progress: Callable[[str, int], Callable[[], None]],
     say: Callable[[str], None],
 ) -> list[Forces]:
-    """Over the paper's five welds and its shorter dip, both tracks by the same engine."""
+    """Simulate the paper's five welds and its shorter dip on both tracks by the same engine."""
     speeds = np.arange(20.0, 301.0, 15.0 if coarse else 5.0)
     positions = np.arange(5 if coarse else 15) * beam.track.spacing_m / (5 if coarse else 15)
     names = (*WELDS, DIP_48)
-    advance = stage("peak forces", len(names) + 1)
+    advance = start_progress("peak forces", len(names) + 1)
     vehicle_tracks = {
         name: VehicleTrackModel(fit_store.fitted(one, on_fit=say).model(), one.wheel)
         for name, one in _both(beam, strips)
@@ -188,13 +188,13 @@ def _receptance_table(frequency_hz: FloatArray, at_m: FloatArray, receptances: d
     return Table("Magnitude of receptance", tuple(columns), as_columns(frequency_hz, *magnitudes))
 
 
-def _measured(
+def _claim_quantities(
     beam: TrackDefinition,
     strips: TrackDefinition,
     frequency_hz: FloatArray,
     receptances: dict[str, ComplexArray],
     forces: list[Forces],
-) -> Measured:
+) -> Quantities:
     apart = np.abs(receptances["strip"] / receptances["beam"] - 1)
     static = {
         name: core_tracks.static_compliance(one.track, np.array(_SPANS) * one.track.spacing_m)

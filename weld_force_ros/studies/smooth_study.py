@@ -4,19 +4,19 @@ import numpy as np
 
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report.figures import new_figure
-from weld_force_ros.studies.laboratory import BILBAO, Measured, Picture, StudyContext, StudyResult, as_columns
-from weld_force_ros.studies.style import COLOURS, mark_sleepers
-from weld_force_ros.studies.tables import Column, Table
+from weld_force_ros.studies.figure_style import COLOURS, mark_sleepers
+from weld_force_ros.studies.result_table import Column, Table
+from weld_force_ros.studies.study_context import BILBAO, Picture, Quantities, StudyContext, StudyResult, as_columns
 
 SPEEDS_KMH = (100.0, 150.0, 200.0, 250.0)
 _SPANS = 8
 _SHOWN_SPANS = 2
 
 
-def run(lab: StudyContext) -> StudyResult:
-    """Force over whole spans at four speeds."""
-    span_m = lab.track(BILBAO).track.spacing_m
-    histories = [lab.smooth_rail(BILBAO, speed, _SPANS) for speed in SPEEDS_KMH]
+def run(context: StudyContext) -> StudyResult:
+    """Compute the force over whole spans at four speeds."""
+    span_m = context.track(BILBAO).track.spacing_m
+    histories = [context.smooth_rail(BILBAO, speed, _SPANS) for speed in SPEEDS_KMH]
     spans = [_whole_spans(history.x_m, history.force_n, span_m) for history in histories]
     figure = new_figure(7.0, 4.2)
     axes = figure.subplots()
@@ -40,12 +40,12 @@ def run(lab: StudyContext) -> StudyResult:
         "Force on smooth rail over one span",
         (Column("speed_kmh", "km/h", 0), Column("x_m", "m", 4), Column("force_n", "N", 0)), rows,
     )  # fmt: skip
-    measured = _measured(spans, span_m) if lab.papers else {}
+    measured = _claim_quantities(spans, span_m) if context.uses_paper_inputs else {}
     return StudyResult("smooth", "Parametric excitation", [picture], {"force": table}, measured)
 
 
 def _whole_spans(x_m: FloatArray, force_n: FloatArray, span_m: float) -> tuple[FloatArray, FloatArray]:
-    """The last whole spans from a sleeper on."""
+    """Return the last whole spans from a sleeper on."""
     step_m = x_m[1] - x_m[0]
     points = round(span_m / step_m)
     first = int(np.ceil(x_m[0] / span_m - 1e-6))
@@ -54,7 +54,7 @@ def _whole_spans(x_m: FloatArray, force_n: FloatArray, span_m: float) -> tuple[F
     return x_m[begin : begin + count], force_n[begin : begin + count]
 
 
-def _measured(spans: list[tuple[FloatArray, FloatArray]], span_m: float) -> Measured:
+def _claim_quantities(spans: list[tuple[FloatArray, FloatArray]], span_m: float) -> Quantities:
     places, wavelengths, shares = [], [], []
     for x, force in spans:
         count = round((x[-1] - x[0]) / span_m)

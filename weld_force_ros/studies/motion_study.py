@@ -1,4 +1,4 @@
-"""Study `motion`: force, wheel and rail while a wheel rolls over a weld (Fig. 12)."""
+"""Study `motion`: force, wheel and rail during a passage over a weld (Fig. 12)."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -9,10 +9,18 @@ from scipy.interpolate import CubicSpline
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History
 from weld_force_ros.report.figures import new_figure
-from weld_force_ros.studies.laboratory import BILBAO, WELDS, Measured, Picture, StudyContext, StudyResult, as_columns
-from weld_force_ros.studies.passages import SmoothRail
-from weld_force_ros.studies.style import COLOURS, mark_sleepers
-from weld_force_ros.studies.tables import Column, Table
+from weld_force_ros.studies.figure_style import COLOURS, mark_sleepers
+from weld_force_ros.studies.passage_curves import SmoothRailPassage
+from weld_force_ros.studies.result_table import Column, Table
+from weld_force_ros.studies.study_context import (
+    BILBAO,
+    WELDS,
+    Picture,
+    Quantities,
+    StudyContext,
+    StudyResult,
+    as_columns,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +38,7 @@ _RAIL, _WHEEL, _GEOMETRY = COLOURS[0], COLOURS[1], COLOURS[6]
 
 @dataclass(frozen=True)
 class Motion:
-    """A passage beside that over smooth rail at the same speed, each (n,).
+    """A passage compared with that over smooth rail at the same speed, each (n,).
 
     Attributes:
         x_m: from the weld's centre, which lies `position_m` after a sleeper.
@@ -47,39 +55,39 @@ class Motion:
     height_m: FloatArray
 
     def on(self, first_m: float, last_m: float) -> "Motion":
-        """The part between two distances from the weld's centre."""
+        """Return the part between two distances from the weld's centre."""
         part = (self.x_m >= first_m - 1e-9) & (self.x_m <= last_m + 1e-9)
         return Motion(*(column[part] for column in self.columns))
 
     @property
     def columns(self) -> tuple[FloatArray, ...]:
-        """The fields in their order."""
+        """Return the fields in their order."""
         return self.x_m, self.force_n, self.wheel_m, self.surface_m, self.height_m
 
     @property
     def peak_x_m(self) -> float:
-        """Place of the largest force."""
+        """Return the place of the largest force."""
         return float(self.x_m[np.argmax(self.force_n)])
 
 
-def run(lab: StudyContext) -> StudyResult:
-    """Six speeds over one weld, and one passage over a weld with a protrusion."""
-    (weld,) = lab.welds(WELDS[0])
-    motions = {speed: moving(lab, weld, speed, POSITION_M) for speed in SPEEDS_KMH.values()}
+def run(context: StudyContext) -> StudyResult:
+    """Compute passages at six speeds over one weld, and one over a weld with a protrusion."""
+    (weld,) = context.welds(WELDS[0])
+    motions = {speed: moving(context, weld, speed, POSITION_M) for speed in SPEEDS_KMH.values()}
     pictures = [
         Picture(
             "wheel-and-rail", f"Wheel and rail over {weld}",
             "Left: contact force, and the weld's height (dotted, scaled to the panel). Right: displacements of the "
             "wheel and of the rail's surface under it, less those over smooth rail, with the weld's height (dotted). "
-            f"The weld is centred {POSITION_M * 100:g} cm after a sleeper (dashed).", _draw(lab, motions),
+            f"The weld is centred {POSITION_M * 100:g} cm after a sleeper (dashed).", _draw(context, motions),
         )
     ]  # fmt: skip
-    measured: Measured = {}
-    if lab.own_weld is None:
-        fifth = moving(lab, WELDS[4], _WELD_5_SPEED_KMH, _WELD_5_POSITION_M)
-        pictures.append(_fifth_picture(lab, fifth))
-        if lab.papers:
-            measured = _measured(lab, motions) | _measured_fifth(lab, fifth)
+    measured: Quantities = {}
+    if context.own_weld is None:
+        fifth = moving(context, WELDS[4], _WELD_5_SPEED_KMH, _WELD_5_POSITION_M)
+        pictures.append(_fifth_picture(context, fifth))
+        if context.uses_paper_inputs:
+            measured = _claim_quantities(context, motions) | _measured_fifth(context, fifth)
     columns = (
         Column("speed_kmh", "km/h", 0), Column("x_m", "m", 4), Column("force_n", "N", 0),
         Column("wheel_less_smooth_m", "wheel m", 6), Column("rail_surface_less_smooth_m", "rail surface m", 6),
@@ -92,10 +100,10 @@ def run(lab: StudyContext) -> StudyResult:
     return StudyResult("motion", "Motion of wheel and rail", pictures, {"motion": table}, measured)
 
 
-def moving(lab: StudyContext, weld: str, speed_kmh: float, position_m: float) -> Motion:
-    """One passage, from 60 cm before the weld's centre to 60 cm behind it."""
-    history: History = lab.history(weld, BILBAO, speed_kmh, position_m)
-    smooth = SmoothRail(lab, BILBAO, speed_kmh)
+def moving(context: StudyContext, weld: str, speed_kmh: float, position_m: float) -> Motion:
+    """Simulate one passage, from 60 cm before the weld's centre to 60 cm behind it."""
+    history: History = context.history(weld, BILBAO, speed_kmh, position_m)
+    smooth = SmoothRailPassage(context, BILBAO, speed_kmh)
     return Motion(
         x_m=history.x_m - position_m,
         force_n=history.force_n,
@@ -105,8 +113,8 @@ def moving(lab: StudyContext, weld: str, speed_kmh: float, position_m: float) ->
     ).on(-_SHOWN_M, _SHOWN_M)
 
 
-def _draw(lab: StudyContext, motions: dict[float, Motion]) -> "Figure":
-    figure, span_m = new_figure(7.0, 9.0), lab.track(BILBAO).track.spacing_m
+def _draw(context: StudyContext, motions: dict[float, Motion]) -> "Figure":
+    figure, span_m = new_figure(7.0, 9.0), context.track(BILBAO).track.spacing_m
     panels = figure.subplots(len(motions), 2, sharex=True, sharey="col")
     for (left, right), (letter, speed) in zip(panels, SPEEDS_KMH.items(), strict=True):
         motion = motions[speed]
@@ -136,8 +144,8 @@ def _draw_force(axes: "Axes", motion: Motion, position_m: float) -> None:
     behind.set_yticks([])
 
 
-def _fifth_picture(lab: StudyContext, motion: Motion) -> Picture:
-    figure, span_m = new_figure(7.0, 3.2), lab.track(BILBAO).track.spacing_m
+def _fifth_picture(context: StudyContext, motion: Motion) -> Picture:
+    figure, span_m = new_figure(7.0, 3.2), context.track(BILBAO).track.spacing_m
     axes = figure.subplots()
     _draw_force(axes, motion, _WELD_5_POSITION_M)
     mark_sleepers(axes, span_m, 2 * span_m)
@@ -149,9 +157,9 @@ def _fifth_picture(lab: StudyContext, motion: Motion) -> Picture:
     return Picture("protrusion", "Force over a ramp and what follows", caption, figure)
 
 
-def _measured(lab: StudyContext, motions: dict[float, Motion]) -> Measured:
-    static_n = lab.track(BILBAO).wheel.static_load_n
-    profile = lab.weld(WELDS[0])
+def _claim_quantities(context: StudyContext, motions: dict[float, Motion]) -> Quantities:
+    static_n = context.track(BILBAO).wheel.static_load_n
+    profile = context.weld(WELDS[0])
     depth_m = -min(profile.z_m)
     welds = [motion.on(-_HALF_WELD_M, _HALF_WELD_M) for motion in motions.values()]
     wheel = [-float(weld.wheel_m.min()) / depth_m for weld in welds]
@@ -178,14 +186,14 @@ def _measured(lab: StudyContext, motions: dict[float, Motion]) -> Measured:
 
 
 def _nearest_inflection(slope: CubicSpline, x_m: float) -> float:
-    """The nearest place where curvature changes its sign while the height rises; NaN if there is none."""
+    """Return the nearest place where curvature changes its sign while the height rises; NaN if there is none."""
     places = np.asarray(slope.derivative().roots(extrapolate=False))
     rising = places[slope(places) > 0]
     return float(rising[np.argmin(np.abs(rising - x_m))]) if len(rising) else np.nan
 
 
-def _measured_fifth(lab: StudyContext, motion: Motion) -> Measured:
-    static_n = lab.track(BILBAO).wheel.static_load_n
+def _measured_fifth(context: StudyContext, motion: Motion) -> Quantities:
+    static_n = context.track(BILBAO).wheel.static_load_n
     ramp, central = (motion.on(a - _HALF_WELD_M, b - _HALF_WELD_M) for a, b in (_RAMP_M, _CENTRAL_M))
     first, second = float(ramp.force_n.max()) - static_n, float(central.force_n.max()) - static_n
     return {

@@ -1,4 +1,4 @@
-"""Passages with enough rail on either side to be analysed in frequency, and what studies read from their spectra."""
+"""Passages with enough rail on either side to be analysed in frequency, and features of their spectra."""
 
 from dataclasses import replace
 
@@ -16,9 +16,9 @@ CLEAR = 0.01  # of the largest amplitude: how far a spectral peak stands out
 
 
 def record(vehicle_track: VehicleTrackModel, wheel_path: WheelPath, speed_kmh: float) -> History:
-    """A passage with the weld's centre at 0 and smooth rail on either side.
+    """Simulate a passage with the weld's centre at 0 and smooth rail on either side.
 
-    Its force is what the weld adds to the static load: less what sleepers do, if the track has any.
+    Its force is the static load and what the weld adds to it; the effect of sleepers, if any, is subtracted.
     """
     samples = round(MARGIN_M / RESAMPLED_STEP_M)
     start_m = wheel_path.start_m - samples * RESAMPLED_STEP_M
@@ -28,41 +28,41 @@ def record(vehicle_track: VehicleTrackModel, wheel_path: WheelPath, speed_kmh: f
 
 
 def force_spectrum(passage: History, speed_kmh: float) -> Spectrum:
-    """Spectrum of the force, N."""
+    """Return the spectrum of the force, N."""
     return amplitude_spectrum(passage.x_m, passage.force_n, speed_kmh)
 
 
 def irregularity_spectrum(passage: History, speed_kmh: float) -> Spectrum:
-    """Spectrum of the wheel centre's way over the weld, m."""
+    """Return the spectrum of the wheel centre's path over the weld, m."""
     return amplitude_spectrum(passage.x_m, passage.irregularity_m, speed_kmh)
 
 
 def peaks_between(spectrum: Spectrum, from_hz: float, to_hz: float) -> list[SpectralPeak]:
-    """Clear peaks within a range of frequencies."""
+    """Return the clear peaks within a range of frequencies."""
     return [peak for peak in spectral_peaks(spectrum, CLEAR) if from_hz <= peak.frequency_hz <= to_hz]
 
 
 def strongest_hz(spectrum: Spectrum, from_hz: float, to_hz: float) -> float:
-    """Frequency of the strongest local maximum within a range, however little it stands out; nan if there is none."""
+    """Return the frequency of the strongest local maximum within a range, of any prominence; NaN without one."""
     inside = [peak for peak in spectral_peaks(spectrum, 0.0) if from_hz <= peak.frequency_hz <= to_hz]
     return max(inside, key=lambda peak: peak.amplitude).frequency_hz if inside else float("nan")
 
 
 def first_two_hz(peaks: list[SpectralPeak]) -> tuple[float, float]:
-    """Frequencies of the first two peaks; nan in place of one that is missing."""
+    """Return the frequencies of the first two peaks; NaN in place of one that is missing."""
     first, second, *_ = [*(peak.frequency_hz for peak in peaks), float("nan"), float("nan")]
     return first, second
 
 
 def place_at(speeds_kmh: FloatArray, peak_map: PeakMap, speed_kmh: float) -> float:
-    """Where the force peaks at the computed speed nearest to another, at the surface's first position."""
+    """Return where the force peaks at the computed speed nearest to another, at the peak map's first position."""
     if not np.isfinite(speed_kmh):
         return float("nan")
     return float(peak_map.peak_x_m[np.argmin(np.abs(speeds_kmh - speed_kmh)), 0])
 
 
 def exponent(speeds_kmh: ArrayLike, quantity: ArrayLike) -> float:
-    """Power of speed that a positive quantity follows: the slope of its logarithm; nan if one value is."""
+    """Return the power of speed that a positive quantity follows: the slope of its logarithm; NaN if one value is."""
     if not np.all(np.isfinite(quantity)):
         return float("nan")
     return float(np.polyfit(np.log(speeds_kmh), np.log(quantity), 1)[0])

@@ -1,7 +1,7 @@
-"""What the paper's studies share: its welds, tracks and wheel, and passages over them.
+"""The paper's welds, tracks and wheel, and passages over them, which its studies share.
 
-A study asks a `StudyContext` for passages and gives an `StudyResult` back. A laboratory may be given another weld or
-track; then the study shows those, and says nothing about the paper.
+A study asks a `StudyContext` for passages and returns a `StudyResult`. A context may have another weld or track; then
+the study shows those, and says nothing about the paper.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
 from weld_force_ros.simulation import fit_store, track_file
 from weld_force_ros.simulation.track_file import TrackDefinition
-from weld_force_ros.studies.tables import Table
+from weld_force_ros.studies.result_table import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,12 +36,12 @@ WELDS = (
     "weld-5-ramp-protrusion",
 )
 
-Measured = dict[str, float | bool | list[float]]
+Quantities = dict[str, float | bool | list[float]]
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure with what is to be seen in it."""
+    """A figure with its title and caption."""
 
     name: str
     title: str
@@ -51,23 +51,23 @@ class Picture:
 
 @dataclass(frozen=True)
 class StudyResult:
-    """What a study gives: pictures, data, and the quantities that the paper's claims are held against."""
+    """The result of a study: pictures, data, and the quantities with which the paper's claims are compared."""
 
     name: str
     title: str
     pictures: list[Picture]
     tables: dict[str, Table]
-    measured: Measured = field(default_factory=dict)
+    measured: Quantities = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class StudyContext:
-    """Passages for studies.
+    """The inputs of studies, and passages over them.
 
     Attributes:
-        own_weld: to be studied instead of the paper's.
-        own_track: name or file of a track to be used instead of the paper's.
-        coarse: every third speed and position, to see whether a study works.
+        own_weld: weld to study instead of the paper's.
+        own_track: name or file of a track to use instead of the paper's.
+        coarse: use every third speed and position only, to see whether a study works.
     """
 
     own_weld: WeldProfile | None = None
@@ -75,16 +75,16 @@ class StudyContext:
     coarse: bool = False
 
     @property
-    def papers(self) -> bool:
-        """Whether what is found may be held against the paper."""
+    def uses_paper_inputs(self) -> bool:
+        """Return whether weld and track are the paper's, so that results can be compared with it."""
         return self.own_weld is None and self.own_track is None
 
     def welds(self, *names: str) -> list[str]:
-        """The welds to study: the paper's, or the user's own one."""
+        """Return the names of the welds to study: the paper's, or the user's own one."""
         return list(names) if self.own_weld is None else [self.own_weld.weld_id]
 
     def track(self, name: str) -> TrackDefinition:
-        """A track of the paper, or the user's own in its place.
+        """Return a track of the paper, or the user's own in its place.
 
         Raises:
             TrackError: a track file that cannot be used.
@@ -92,7 +92,7 @@ class StudyContext:
         return self._definition(self.own_track or name)
 
     def vehicle_track(self, track: str, *, hertz_n_per_m15: float | None = None) -> VehicleTrackModel:
-        """Track and wheel, ready to roll; with another contact stiffness if given."""
+        """Return the model of wheel and track, with another contact stiffness if given."""
         definition = self.track(track)
         wheel = definition.wheel
         if hertz_n_per_m15 is not None:
@@ -100,13 +100,13 @@ class StudyContext:
         return self._rig(definition, wheel)
 
     def weld(self, name: str) -> WeldProfile:
-        """A shipped profile by name, or the user's own."""
+        """Return a shipped profile by name, or the user's own."""
         if self.own_weld is not None and name == self.own_weld.weld_id:
             return self.own_weld
         return profile_file.read_profile(profile_file.find(name))
 
     def wheel_path(self, weld: str | tuple[FloatArray, FloatArray], track: str) -> WheelPath:
-        """The wheel centre's way over a weld: a name, or positions and heights in m."""
+        """Return the wheel centre's path over a weld: a name, or positions and heights in m."""
         radius_m = self.track(track).wheel.radius_m
         if isinstance(weld, str):
             profile = self.weld(weld)
@@ -122,21 +122,21 @@ class StudyContext:
         *,
         hertz_n_per_m15: float | None = None,
     ) -> PeakMap:
-        """Peaks at every speed and position, each (n_speed, n_position)."""
+        """Return peaks at every speed and position, each (n_speed, n_position)."""
         vehicle_track = self.vehicle_track(track, hertz_n_per_m15=hertz_n_per_m15)
         return vehicle_track.peak_map(self.wheel_path(weld, track), speeds_kmh, positions_m)
 
     def history(
         self, weld: str | tuple[FloatArray, FloatArray], track: str, speed_kmh: float, position_m: float
     ) -> History:
-        """One passage, from a span before the weld to two spans behind it."""
+        """Simulate one passage, from a span before the weld to two spans behind it."""
         wheel_path = self.wheel_path(weld, track)
         vehicle_track = self.vehicle_track(track)
         until_m = position_m + wheel_path.end_m + 2 * vehicle_track.model.spacing_m
         return vehicle_track.history(wheel_path, speed_kmh, position_m, until_m=until_m)
 
     def smooth_rail(self, track: str, speed_kmh: float, spans: int) -> History:
-        """A passage over rail without a weld, whole spans from a sleeper on."""
+        """Simulate a passage over rail without a weld, whole spans from a sleeper on."""
         flat = WheelPath(0.0, np.zeros(2))
         vehicle_track = self.vehicle_track(track)
         return vehicle_track.history(
@@ -144,11 +144,11 @@ class StudyContext:
         )
 
     def speeds(self, first_kmh: float, last_kmh: float, step_kmh: float) -> FloatArray:
-        """A grid of speeds, both ends in it."""
+        """Return a grid of speeds with both ends."""
         return self._thinned(np.arange(first_kmh, last_kmh + 0.5 * step_kmh, step_kmh))
 
     def positions(self, track: str, count: int = 15) -> FloatArray:
-        """Equal steps over the span, from the sleeper on."""
+        """Return positions in equal steps over the span, from the sleeper on."""
         spacing_m = self.track(track).track.spacing_m
         return self._thinned(np.arange(count) * spacing_m / count)
 
@@ -160,7 +160,7 @@ class StudyContext:
         return {}
 
     @cached_property
-    def _rigs(self) -> dict[tuple[str, Wheel], VehicleTrackModel]:
+    def _vehicle_tracks(self) -> dict[tuple[str, Wheel], VehicleTrackModel]:
         return {}
 
     def _definition(self, name: str) -> TrackDefinition:
@@ -170,19 +170,19 @@ class StudyContext:
 
     def _rig(self, definition: TrackDefinition, wheel: Wheel) -> VehicleTrackModel:
         key = (definition.text, wheel)
-        if key not in self._rigs:
-            self._rigs[key] = VehicleTrackModel(fit_store.fitted(definition).model(), wheel)
-        return self._rigs[key]
+        if key not in self._vehicle_tracks:
+            self._vehicle_tracks[key] = VehicleTrackModel(fit_store.fitted(definition).model(), wheel)
+        return self._vehicle_tracks[key]
 
 
 def as_columns(*columns: ArrayLike) -> list[tuple[float, ...]]:
-    """Columns of equal length as a table's rows."""
+    """Return columns of equal length as a table's rows."""
     return [tuple(float(cell) for cell in row) for row in zip(*map(np.ravel, map(np.asarray, columns)), strict=True)]
 
 
 def grid_rows(
     speeds_kmh: Sequence[float] | FloatArray, positions_m: Sequence[float] | FloatArray, *values: FloatArray
 ) -> list[tuple[float, ...]]:
-    """Rows of speed, position and values that are (n_speed, n_position) each."""
+    """Return rows of speed, position and values that are (n_speed, n_position) each."""
     speed, position = np.meshgrid(speeds_kmh, positions_m, indexing="ij")
     return as_columns(speed, position, *values)

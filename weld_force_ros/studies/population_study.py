@@ -1,8 +1,8 @@
 """Study `population`: does a weld's geometry tell how its force grows with speed?
 
-After sections 4, 7 and 8 of the paper. Hundreds of synthetic welds (`measurement.synthetic_welds`) are rolled over,
-sorted by their geometry alone, and the classes held against what the forces did. Each weld with a dip is also rolled
-over upside down.
+After sections 4, 7 and 8 of the paper. Hundreds of synthetic welds (`measurement.synthetic_welds`) are simulated and
+sorted by their geometry alone, and the classes compared with how their force grows. Each weld with a dip is also
+simulated upside down.
 """
 
 from dataclasses import asdict
@@ -12,52 +12,52 @@ import numpy as np
 from weld_force_ros.measurement.synthetic_welds import population, without_short_waves
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.studies import population_figures as figures
-from weld_force_ros.studies.laboratory import BILBAO, Measured, Picture, StudyContext, StudyResult, as_columns
-from weld_force_ros.studies.population_rolling import (
+from weld_force_ros.studies.result_table import Cell, Column, Table
+from weld_force_ros.studies.simulated_population import (
     KINDS,
     POSITIONS_M,
     THIRDS,
-    Case,
-    Curve,
-    Inverted,
-    curve,
+    CurveShape,
+    InvertedDips,
+    SimulatedWeld,
+    curve_shape,
     curves_of,
-    inverted,
+    invert_dips,
     median_linearity,
     parametric_share,
     ratio_quartiles,
-    rolled,
+    simulate_welds,
     with_hollow,
 )
-from weld_force_ros.studies.tables import Cell, Column, Table
+from weld_force_ros.studies.study_context import BILBAO, Picture, Quantities, StudyContext, StudyResult, as_columns
 
 COUNT, COARSE_COUNT, SEED = 500, 60, 2018
 
 
-def run(lab: StudyContext) -> StudyResult:
-    """Roll over the population, with the user's own weld at its side."""
-    speeds = lab.speeds(20, 300, 10)
-    welds = list(population(COARSE_COUNT if lab.coarse else COUNT, SEED))
-    cases = rolled(lab, speeds, welds)
-    without = rolled(lab, speeds, [without_short_waves(weld) for weld in welds])
-    pairs = inverted(lab, speeds, cases)
+def run(context: StudyContext) -> StudyResult:
+    """Simulate the population, with the user's own weld beside it."""
+    speeds = context.speeds(20, 300, 10)
+    welds = list(population(COARSE_COUNT if context.coarse else COUNT, SEED))
+    simulated_welds = simulate_welds(context, speeds, welds)
+    without = simulate_welds(context, speeds, [without_short_waves(weld) for weld in welds])
+    pairs = invert_dips(context, speeds, simulated_welds)
     pictures = [
         Picture(
             "population-profiles", "Synthetic welds",
             "The first three welds of each class, and of those with the least gradients. How a weld was made is not "
-            "asked: its geometry decides.", figures.examples(cases),
+            "asked: its geometry decides.", figures.examples(simulated_welds),
         ),
         Picture(
             "population-hollows", "Does the force fall with speed?",
             "Share of force-speed curves with a hollow, by class and by the steepness of the weld's gradients; numbers "
             "are curves with a hollow of all curves. Right: the same welds without their short waves, classified anew.",
-            figures.hollow_shares(cases, without),
+            figures.hollow_shares(simulated_welds, without),
         ),
         Picture(
             "population-linearity", "How straight is the curve?",
             "R² of the line through each force-speed curve: share of the curves of a class that are no straighter. "
             "The further to the right a curve runs, the more linear its class.",
-            figures.linearities(cases, without, _own_curves(lab, speeds)),
+            figures.linearities(simulated_welds, without, _own_curves(context, speeds)),
         ),
         Picture(
             "population-inverted", "Dips against protrusions of the same shape",
@@ -67,26 +67,30 @@ def run(lab: StudyContext) -> StudyResult:
             figures.against_inverted(speeds, pairs),
         ),
     ]  # fmt: skip
-    tables = {"classes": _classes(cases, without), "welds": _welds(cases), "inverted": _inversions(speeds, pairs)}
-    measured = _measured(lab, speeds, cases, pairs) if lab.papers else {}
+    tables = {
+        "classes": _classes(simulated_welds, without),
+        "welds": _welds(simulated_welds),
+        "inverted": _inversions(speeds, pairs),
+    }
+    measured = _claim_quantities(context, speeds, simulated_welds, pairs) if context.uses_paper_inputs else {}
     return StudyResult("population", "A population of welds", pictures, tables, measured)
 
 
-def _own_curves(lab: StudyContext, speeds: FloatArray) -> list[Curve]:
-    if lab.own_weld is None:
+def _own_curves(context: StudyContext, speeds: FloatArray) -> list[CurveShape]:
+    if context.own_weld is None:
         return []
-    peak_map = lab.peak_map(lab.own_weld.weld_id, BILBAO, speeds, POSITIONS_M)
-    return [curve(speeds, force_n) for force_n in peak_map.peak_force_n.T]
+    peak_map = context.peak_map(context.own_weld.weld_id, BILBAO, speeds, POSITIONS_M)
+    return [curve_shape(speeds, force_n) for force_n in peak_map.peak_force_n.T]
 
 
-def _classes(cases: list[Case], without: list[Case]) -> Table:
+def _classes(simulated_welds: list[SimulatedWeld], without: list[SimulatedWeld]) -> Table:
     columns = (
         Column("class", "class"), Column("welds", "welds"), Column("curves", "curves"),
         Column("monotonic", "monotonic"), Column("with_hollow", "with a hollow"),
         Column("share_with_hollow", "share", 3), Column("median_deepest_fall", "median fall", 3),
         Column("median_linearity_r2", "median R²", 3),
     )  # fmt: skip
-    groups = [("all", cases, None), *((name, cases, third) for third, name in enumerate(THIRDS))]
+    groups = [("all", simulated_welds, None), *((name, simulated_welds, third) for third, name in enumerate(THIRDS))]
     rows = [
         _class_row(kind or "both", name, curves_of(group, kind, third))
         for name, group, third in (*groups, ("all, without short waves", without, None))
@@ -95,7 +99,7 @@ def _classes(cases: list[Case], without: list[Case]) -> Table:
     return Table("Class of the geometry against the force over speed", columns, rows)
 
 
-def _class_row(kind: str, group: str, curves: list[Curve]) -> tuple[Cell, ...]:
+def _class_row(kind: str, group: str, curves: list[CurveShape]) -> tuple[Cell, ...]:
     count, fallen = len(curves), with_hollow(curves)
     if not curves:
         return kind, group, 0, 0, 0, None, None, None
@@ -103,26 +107,26 @@ def _class_row(kind: str, group: str, curves: list[Curve]) -> tuple[Cell, ...]:
     return kind, group, count, count - fallen, fallen, fallen / count, fall, median_linearity(curves)
 
 
-def _welds(cases: list[Case]) -> Table:
+def _welds(simulated_welds: list[SimulatedWeld]) -> Table:
     rows: list[tuple[Cell, ...]] = [
         (
-            case.weld.weld_id, *asdict(case.weld.parameters).values(), case.geometry.kind, case.geometry.dip_m,
-            case.geometry.protrusion_m, case.gradient_rad, float(position), curve.monotonic, curve.fall,
-            curve.linearity, float(largest_n),
+            simulated.weld.weld_id, *asdict(simulated.weld.parameters).values(), simulated.geometry.kind,
+            simulated.geometry.dip_m, simulated.geometry.protrusion_m, simulated.gradient_rad, float(position),
+            curve.monotonic, curve.fall, curve.linearity, float(largest_n),
         )
-        for case in cases
+        for simulated in simulated_welds
         for position, curve, largest_n in zip(
-            POSITIONS_M, case.curves, case.peak_map.peak_force_n.max(axis=0), strict=True
+            POSITIONS_M, simulated.curves, simulated.peak_map.peak_force_n.max(axis=0), strict=True
         )
     ]  # fmt: skip
     names = (
-        "weld_id", *asdict(cases[0].weld.parameters), "class", "dip_m", "protrusion_m", "gradient_rad", "position_m",
-        "monotonic", "deepest_fall", "linearity_r2", "largest_peak_force_n",
+        "weld_id", *asdict(simulated_welds[0].weld.parameters), "class", "dip_m", "protrusion_m", "gradient_rad",
+        "position_m", "monotonic", "deepest_fall", "linearity_r2", "largest_peak_force_n",
     )  # fmt: skip
     return Table("Welds: made with, classified, rolled over", tuple(map(Column, names)), rows)
 
 
-def _inversions(speeds: FloatArray, pairs: Inverted) -> Table:
+def _inversions(speeds: FloatArray, pairs: InvertedDips) -> Table:
     below = (pairs.dip_n < pairs.rise_n).mean(axis=(0, 2))
     columns = (
         Column("speed_kmh", "km/h", 0), Column("share_dip_below", "dip gives less", 3),
@@ -135,13 +139,15 @@ def _inversions(speeds: FloatArray, pairs: Inverted) -> Table:
     )  # fmt: skip
 
 
-def _measured(lab: StudyContext, speeds: FloatArray, cases: list[Case], pairs: Inverted) -> Measured:
-    dips, protrusions = (curves_of(cases, kind) for kind in KINDS)
+def _claim_quantities(
+    context: StudyContext, speeds: FloatArray, simulated_welds: list[SimulatedWeld], pairs: InvertedDips
+) -> Quantities:
+    dips, protrusions = (curves_of(simulated_welds, kind) for kind in KINDS)
     return {
         "population.non_monotonic_share_dips": with_hollow(dips) / max(len(dips), 1),
         "population.non_monotonic_share_protrusions": with_hollow(protrusions) / max(len(protrusions), 1),
         "population.linearity_dips": median_linearity(dips),
         "population.linearity_protrusions": median_linearity(protrusions),
         "population.dip_below_protrusion_share": float(np.mean(pairs.dip_n < pairs.rise_n)),
-        "population.parametric_dominates_share_smooth": parametric_share(lab, speeds, cases),
+        "population.parametric_dominates_share_smooth": parametric_share(context, speeds, simulated_welds),
     }

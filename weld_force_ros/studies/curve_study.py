@@ -12,10 +12,24 @@ from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.report.figures import new_figure
-from weld_force_ros.studies.laboratory import BILBAO, WELDS, Measured, Picture, StudyContext, StudyResult, as_columns
-from weld_force_ros.studies.passages import features, first_maximum, hollow_after_maximum, split_peaks, two_highest
-from weld_force_ros.studies.style import COLOURS
-from weld_force_ros.studies.tables import Cell, Column, Table
+from weld_force_ros.studies.figure_style import COLOURS
+from weld_force_ros.studies.passage_curves import (
+    features,
+    first_maximum,
+    hollow_after_maximum,
+    split_peaks,
+    two_highest,
+)
+from weld_force_ros.studies.result_table import Cell, Column, Table
+from weld_force_ros.studies.study_context import (
+    BILBAO,
+    WELDS,
+    Picture,
+    Quantities,
+    StudyContext,
+    StudyResult,
+    as_columns,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,15 +42,15 @@ _EVERY = 4  # points of the 0.25 mm grid, in the table
 _FORCE, _WELD, _IMPACT = COLOURS[0], COLOURS[1], COLOURS[2]
 
 
-def run(lab: StudyContext) -> StudyResult:
-    """Force against speed at one position, and five of its passages."""
-    (weld,) = lab.welds(WELDS[0])
-    speeds = lab.speeds(*_SPEEDS_KMH)
-    peak_map = lab.peak_map(weld, BILBAO, speeds, [POSITION_M])
-    histories = {speed: lab.history(weld, BILBAO, speed, POSITION_M) for speed in HISTORIES_KMH.values()}
-    impacts = {speed: impact_forces(lab, weld, history, speed) for speed, history in histories.items()}
+def run(context: StudyContext) -> StudyResult:
+    """Compute the force against speed at one position, and five of its passages."""
+    (weld,) = context.welds(WELDS[0])
+    speeds = context.speeds(*_SPEEDS_KMH)
+    peak_map = context.peak_map(weld, BILBAO, speeds, [POSITION_M])
+    histories = {speed: context.history(weld, BILBAO, speed, POSITION_M) for speed in HISTORIES_KMH.values()}
+    impacts = {speed: impact_forces(context, weld, history, speed) for speed, history in histories.items()}
     curve = features(speeds, peak_map.peak_force_n[:, 0])
-    figure = _draw(lab, weld, speeds, peak_map.peak_force_n[:, 0], histories, impacts)
+    figure = _draw(context, weld, speeds, peak_map.peak_force_n[:, 0], histories, impacts)
     picture = Picture(
         "force-against-speed", f"Force against speed: {weld}",
         f"Above: peak force over {weld}, centred {POSITION_M * 100:g} cm after a sleeper, against speed. Below: the "
@@ -56,16 +70,16 @@ def run(lab: StudyContext) -> StudyResult:
         ),
         "impact": _impact_table(impacts),
     }
-    measured = _measured(lab, curve, speeds, peak_map, histories) if lab.papers else {}
+    measured = _claim_quantities(context, curve, speeds, peak_map, histories) if context.uses_paper_inputs else {}
     return StudyResult("curve", "Force against speed", [picture], tables, measured)
 
 
-def impact_forces(lab: StudyContext, weld: str, history: History, speed_kmh: float) -> ImpactForces | None:
+def impact_forces(context: StudyContext, weld: str, history: History, speed_kmh: float) -> ImpactForces | None:
     """Return P1 and P2 of a passage as over a dipped joint, None if the weld is level or no peak follows its kink.
 
     The wheel arrives where the weld is bent upwards most, which is where a dipped joint has its angle.
     """
-    profile = lab.weld(weld)
+    profile = context.weld(weld)
     bend_per_m = CubicSpline(profile.x_m, profile.z_m)(profile.x_m, 2)
     if not np.any(bend_per_m > 0):
         return None
@@ -104,7 +118,7 @@ def _rows(history: History) -> list[tuple[float, ...]]:
 
 
 def _draw(
-    lab: StudyContext,
+    context: StudyContext,
     weld: str,
     speeds: FloatArray,
     force_n: FloatArray,
@@ -124,7 +138,7 @@ def _draw(
     cells: list[Any] = [figure.add_subplot(grid[1 + i // 3, i % 3]) for i in range(6)]
     for axes, (letter, speed) in zip(cells, HISTORIES_KMH.items(), strict=False):
         axes.sharey(cells[0])
-        _draw_history(axes, histories[speed], lab.track(BILBAO).wheel.static_load_n)
+        _draw_history(axes, histories[speed], context.track(BILBAO).wheel.static_load_n)
         impact = impacts[speed]
         if impact is not None:
             p1_m, p2_m = _places_m(impact, speed)
@@ -133,7 +147,7 @@ def _draw(
         axes.set_title(f"{letter}: {speed:g} km/h", fontsize=9)
     for axes in (cells[0], cells[3]):
         axes.set_ylabel("force, kN")
-    profile = lab.weld(weld)
+    profile = context.weld(weld)
     cells[5].plot(np.array(profile.x_m) * 100, np.array(profile.z_m) * 1e6, color=_WELD)
     cells[5].set_title("height of the weld, µm", fontsize=9)
     for axes in cells:
@@ -149,10 +163,10 @@ def _draw_history(axes: Any, history: History, static_n: float) -> None:
         axes.plot((peak.x_m - POSITION_M) * 100, peak.force_n / 1e3, "o", color=_WELD, markersize=4)
 
 
-def _measured(
-    lab: StudyContext, curve: CurveFeatures, speeds: FloatArray, peak_map: PeakMap, histories: dict[float, History]
-) -> Measured:
-    static_n = lab.track(BILBAO).wheel.static_load_n
+def _claim_quantities(
+    context: StudyContext, curve: CurveFeatures, speeds: FloatArray, peak_map: PeakMap, histories: dict[float, History]
+) -> Quantities:
+    static_n = context.track(BILBAO).wheel.static_load_n
     maximum_kmh = first_maximum(curve)[0]
     hollow = hollow_after_maximum(curve)
     at_maximum = int(np.argmin(np.abs(speeds - maximum_kmh))) if curve.maxima else 0

@@ -1,4 +1,4 @@
-"""How studies' figures look: readable on a phone and in print, told apart by the colour-blind."""
+"""Colours and map drawing of the studies' figures: readable on a phone, in print and for the colour-blind."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ MAP = "viridis"
 
 
 def mark_sleepers(axes: "Axes", span_m: float, until_m: float, from_m: float = 0.0) -> None:
-    """Dashed lines at the sleepers, on an axis of cm."""
+    """Draw dashed lines at the sleepers, on an axis of cm."""
     for sleeper in np.arange(np.ceil(from_m / span_m), until_m / span_m + 1e-9):
         axes.axvline(sleeper * span_m * 100, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
 
@@ -23,7 +23,7 @@ def mark_sleepers(axes: "Axes", span_m: float, until_m: float, from_m: float = 0
 def draw_map(
     axes: "Axes", positions_m: FloatArray, speeds_kmh: FloatArray, values: FloatArray, span_m: float, **options: Any
 ) -> Any:
-    """Heat map of values (n_speed, n_position) over weld position (cm) and speed, the span closed, sleepers marked."""
+    """Draw a heat map of values (n_speed, n_position) over position (cm) and speed, sleepers at both ends."""
     closed = np.append(positions_m, positions_m[0] + span_m)
     image = axes.pcolormesh(
         closed * 100, speeds_kmh, np.column_stack([values, values[:, 0]]), shading="gouraud", cmap=MAP, **options

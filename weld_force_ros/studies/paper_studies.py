@@ -9,9 +9,9 @@ from pathlib import Path
 
 import msgspec
 
-from weld_force_ros.studies import Stage, claims, gallery, no_progress
+from weld_force_ros.studies import StartProgress, claims, gallery, no_progress
 from weld_force_ros.studies.gallery import RenderedStudy
-from weld_force_ros.studies.laboratory import Measured, StudyContext, StudyResult
+from weld_force_ros.studies.study_context import Quantities, StudyContext, StudyResult
 
 # In the order of the paper.
 STUDIES = (
@@ -28,34 +28,36 @@ _INTRODUCTION = (
 
 
 @dataclass(frozen=True)
-class Studied:
-    """What a run of studies leaves."""
+class StudyRun:
+    """The results of one or several studies."""
 
     shown: list[RenderedStudy]
-    measured: Measured
-    judged: list[claims.Judged]
+    measured: Quantities
+    judged: list[claims.JudgedClaim]
 
 
-def investigate(name: str, lab: StudyContext) -> StudyResult:
+def run_study(name: str, context: StudyContext) -> StudyResult:
     """Run one study."""
-    found: StudyResult = import_module(f"weld_force_ros.studies.{name}").run(lab)
+    found: StudyResult = import_module(f"weld_force_ros.studies.{name}_study").run(context)
     return found
 
 
-def run_one(name: str, lab: StudyContext, out: Path) -> Studied:
+def run_one(name: str, context: StudyContext, out: Path) -> StudyRun:
     """Run one study and write its figures and data to `out / name`.
 
     Raises:
         InputError: the folder cannot be written, or matplotlib is not installed.
         WeldForceError: the study cannot be computed.
     """
-    gallery.made(out / name)  # before anything is computed
-    found = investigate(name, lab)
-    shown = gallery.write_investigation(found, out)
-    return Studied([shown], found.measured, [])
+    gallery.make_folder(out / name)  # before anything is computed
+    found = run_study(name, context)
+    shown = gallery.write_study(found, out)
+    return StudyRun([shown], found.measured, [])
 
 
-def run_all(lab: StudyContext, out: Path, *, names: Sequence[str] = STUDIES, stage: Stage = no_progress) -> Studied:
+def run_all(
+    context: StudyContext, out: Path, *, names: Sequence[str] = STUDIES, start_progress: StartProgress = no_progress
+) -> StudyRun:
     """Run all studies, then judge the claims and write `claims.json` and `gallery.html`.
 
     Drawing takes longer than computing: two processes share the studies.
@@ -64,10 +66,10 @@ def run_all(lab: StudyContext, out: Path, *, names: Sequence[str] = STUDIES, sta
         InputError: the folder cannot be written, or matplotlib is not installed.
         WeldForceError: a study cannot be computed.
     """
-    gallery.made(out)
-    done = stage("studies", len(names))
+    gallery.make_folder(out)
+    done = start_progress("studies", len(names))
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        running = [pool.submit(run_one, name, lab, out) for name in names]
+        running = [pool.submit(run_one, name, context, out) for name in names]
         parts = []
         try:
             for future in running:
@@ -76,12 +78,12 @@ def run_all(lab: StudyContext, out: Path, *, names: Sequence[str] = STUDIES, sta
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
-    measured: Measured = {key: value for part in parts for key, value in part.measured.items()}
+    measured: Quantities = {key: value for part in parts for key, value in part.measured.items()}
     judged = claims.evaluate(claims.load(), measured)
     claims.write(judged, out / "claims.json")
     shown = [shown for part in parts for shown in part.shown]
     gallery.write_page(
-        out / "gallery.html", shown, title=TITLE, introduction=_INTRODUCTION + (COARSE if lab.coarse else ""),
+        out / "gallery.html", shown, title=TITLE, introduction=_INTRODUCTION + (COARSE if context.coarse else ""),
         claims=msgspec.to_builtins(judged), counts=claims.summary(judged),
     )  # fmt: skip
-    return Studied(shown, measured, judged)
+    return StudyRun(shown, measured, judged)

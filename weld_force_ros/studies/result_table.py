@@ -14,14 +14,14 @@ Cell = str | float | bool | None
 
 @dataclass(frozen=True)
 class Column:
-    """A column: its name in the file, which ends in the unit, and how people see it: not at all without a heading."""
+    """A column: its name in the file, which ends in the unit, and its heading on a terminal; hidden without one."""
 
     name: str
     heading: str = ""
     decimals: int | None = None
 
     def shown(self, cell: Cell) -> str:
-        """A cell for people; what is missing is a dash."""
+        """Return a cell as text for a terminal; a missing value is a dash."""
         if cell is None:
             return "-"
         if isinstance(cell, bool):
@@ -33,7 +33,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows, each with one cell a column; None where there is nothing to say."""
+    """Rows, each with one cell a column; None where a value is missing."""
 
     title: str
     columns: tuple[Column, ...]

@@ -9,28 +9,30 @@ from weld_force_ros.physics.analysis.geometry import classify
 from weld_force_ros.physics.analysis.speed_curve import CurveFeatures
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.studies import map_figures
-from weld_force_ros.studies.laboratory import WELDS, Measured, StudyContext, StudyResult, grid_rows
-from weld_force_ros.studies.passages import SIGNIFICANT, first_maximum, hollow_after_maximum
-from weld_force_ros.studies.tables import Cell, Column, Table
+from weld_force_ros.studies.passage_curves import SIGNIFICANT, first_maximum, hollow_after_maximum
+from weld_force_ros.studies.result_table import Cell, Column, Table
+from weld_force_ros.studies.study_context import WELDS, Quantities, StudyContext, StudyResult, grid_rows
 from weld_force_ros.studies.weld_map import WeldMap, standstill, weld_maps, within
 
 # From the straightedge's start: weld 4's ramp with what lies 50 mm behind it, and weld 5's ramp.
 _RAMP_4_M, _RAMP_5_M = (0.10, 0.20 + 0.05), (0.10, 0.25)
 
 
-def run(lab: StudyContext) -> StudyResult:
-    """Maps of every weld, with 3D surfaces."""
+def run(context: StudyContext) -> StudyResult:
+    """Compute maps of every weld, drawn with 3D surfaces."""
     began = time.perf_counter()
-    maps = weld_maps(lab, lab.welds(*WELDS))
+    maps = weld_maps(context, context.welds(*WELDS))
     seconds = (time.perf_counter() - began) / sum(m.force_n.size for m in maps)
-    measured = _measured(lab, maps) | {"map.seconds_per_passage": seconds} if lab.papers else {}
+    measured = (
+        _claim_quantities(context, maps) | {"map.seconds_per_passage": seconds} if context.uses_paper_inputs else {}
+    )
     return StudyResult(
         "map", "Maximum force over speed and position", [map_figures.picture(m) for m in maps],
-        {"welds": _weld_table(lab, maps)} | {m.file_name: _map_table(m) for m in maps}, measured,
+        {"welds": _weld_table(context, maps)} | {m.file_name: _map_table(m) for m in maps}, measured,
     )  # fmt: skip
 
 
-def _weld_table(lab: StudyContext, maps: Sequence[WeldMap]) -> Table:
+def _weld_table(context: StudyContext, maps: Sequence[WeldMap]) -> Table:
     columns = (
         Column("weld", "weld"), Column("kind", "kind"), Column("dip_m"), Column("protrusion_m"),
         Column("hollow_share", "with a hollow", 2), Column("linearity_r2", "R² of a line", 3),
@@ -39,7 +41,7 @@ def _weld_table(lab: StudyContext, maps: Sequence[WeldMap]) -> Table:
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
     for m in maps:
-        profile = lab.weld(m.name)
+        profile = context.weld(m.name)
         geometry = classify(profile.x_m, profile.z_m)
         rows.append((
             m.name, geometry.kind, geometry.dip_m, geometry.protrusion_m, m.shape.hollow_share, _linearity(m),
@@ -59,11 +61,11 @@ def _map_table(weld: WeldMap) -> Table:
     return Table(f"Peaks over {weld.name}", columns, grid_rows(weld.speeds_kmh, weld.positions_m, *values))
 
 
-def _measured(lab: StudyContext, maps: Sequence[WeldMap]) -> Measured:
+def _claim_quantities(context: StudyContext, maps: Sequence[WeldMap]) -> Quantities:
     first, second, third, fourth, fifth = maps
     spreads = [m.position_spread() for m in maps]
-    tripled = weld_maps(lab, [fifth.name], scale=3.0)[0].position_spread()
-    measured: Measured = {f"map.hollow_share_weld_{i}": _share(m, 0, np.inf) for i, m in enumerate(maps, start=1)}
+    tripled = weld_maps(context, [fifth.name], scale=3.0)[0].position_spread()
+    measured: Quantities = {f"map.hollow_share_weld_{i}": _share(m, 0, np.inf) for i, m in enumerate(maps, start=1)}
     measured |= {f"map.standstill_weld_{i}_kmh": _standstills(m) for i, m in enumerate(maps[:3], start=1)}
     measured |= _of_weld_1(first) | _of_weld_2(second) | _of_weld_3(third)
     return measured | {
@@ -80,7 +82,7 @@ def _measured(lab: StudyContext, maps: Sequence[WeldMap]) -> Measured:
     }
 
 
-def _of_weld_1(weld: WeldMap) -> Measured:
+def _of_weld_1(weld: WeldMap) -> Quantities:
     ahead = within(weld.positions_m, 0.10, 0.30)
     falls = np.array([_steepest_fall(weld.speeds_kmh, force) for force in weld.force_n.T])
     mean = weld.between(120, 200)
@@ -95,7 +97,7 @@ def _of_weld_1(weld: WeldMap) -> Measured:
     }
 
 
-def _of_weld_2(weld: WeldMap) -> Measured:
+def _of_weld_2(weld: WeldMap) -> Quantities:
     bottoms = np.array([_bottom(weld, i) for i, curve in enumerate(weld.curves) if curve.hollows])
     return {
         "map.best_position_weld_2_m": float(weld.positions_m[np.argmin(weld.between(80, 250))]),
@@ -106,12 +108,12 @@ def _of_weld_2(weld: WeldMap) -> Measured:
 
 
 def _bottom(weld: WeldMap, position: int) -> float:
-    """Force at the bottom of a position's deepest hollow."""
+    """Return the force at the bottom of a position's deepest hollow."""
     deepest = max(weld.curves[position].hollows, key=lambda hollow: hollow.depth_n)
     return float(weld.force_n[within(weld.speeds_kmh, deepest.from_kmh, deepest.to_kmh), position].min())
 
 
-def _of_weld_3(weld: WeldMap) -> Measured:
+def _of_weld_3(weld: WeldMap) -> Quantities:
     lost = (weld.peak_map.contact_loss_s > 0).any(axis=1)
     early = within(weld.positions_m, 0.0, 0.15)
     mean = weld.force_n.mean(axis=0)
@@ -138,7 +140,7 @@ def _linearity(weld: WeldMap) -> float:
 
 
 def _share(weld: WeldMap, first_kmh: float, last_kmh: float) -> float:
-    """Share of positions with a hollow that is deepest in a range of speeds."""
+    """Return the share of positions with a hollow that is deepest in a range of speeds."""
     return float(np.mean([bool(_depths(curve, first_kmh, last_kmh)) for curve in weld.curves]))
 
 
@@ -152,6 +154,6 @@ def _depths(curve: CurveFeatures, first_kmh: float, last_kmh: float) -> list[flo
 
 
 def _steepest_fall(speeds_kmh: FloatArray, force_n: FloatArray) -> float:
-    """Largest -dF/dv from 60 to 120 km/h, 0 if the force only rises."""
+    """Return the largest -dF/dv from 60 to 120 km/h, 0 if the force only rises."""
     near = within(speeds_kmh, 60, 120)
     return float(max(0.0, *(-np.diff(force_n[near]) / np.diff(speeds_kmh[near]))))

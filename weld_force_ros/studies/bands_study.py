@@ -10,9 +10,9 @@ from weld_force_ros.physics.analysis.speed_curve import curve_features
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History
 from weld_force_ros.physics.passage.peak_map import PeakMap
-from weld_force_ros.studies import bands_figures, passages, records, variants
-from weld_force_ros.studies.laboratory import CONTINUOUS, Measured, StudyContext, StudyResult, as_columns
-from weld_force_ros.studies.tables import Column, Table
+from weld_force_ros.studies import bands_figures, passage_curves, passage_records, variants
+from weld_force_ros.studies.result_table import Column, Table
+from weld_force_ros.studies.study_context import CONTINUOUS, Quantities, StudyContext, StudyResult, as_columns
 from weld_force_ros.studies.variants import Variant
 
 DIP_KMH = (50.0, 80.0, 120.0, 200.0)
@@ -23,7 +23,7 @@ _BEFORE_M, _BEHIND_M = 0.1, 0.4
 
 
 @dataclass(frozen=True)
-class Parted:
+class BandSplit:
     """A passage with its force in two parts, the static load in neither."""
 
     speed_kmh: float
@@ -33,38 +33,38 @@ class Parted:
 
     @cached_property
     def low_n(self) -> FloatArray:
-        """Dynamic force below the cut, (n,)."""
+        """Return the dynamic force below the cut frequency, N, (n,)."""
         return np.asarray(self.parts.low_n - self.static_load_n)
 
     @cached_property
     def spectrum(self) -> Spectrum:
-        """Of the whole force."""
-        return records.force_spectrum(self.passage, self.speed_kmh)
+        """Return the spectrum of the whole force."""
+        return passage_records.force_spectrum(self.passage, self.speed_kmh)
 
     @property
     def low_peak_m(self) -> float:
-        """Where the low part is largest."""
+        """Return where the low part is largest."""
         return float(self.passage.x_m[np.argmax(self.low_n)])
 
     @property
     def high_peak_m(self) -> float:
-        """Where the high part is largest."""
+        """Return where the high part is largest."""
         return float(self.passage.x_m[np.argmax(self.parts.high_n)])
 
     @property
     def high_share(self) -> float:
-        """Largest magnitude of the high part over that of the low part."""
+        """Return the largest magnitude of the high part divided by that of the low part."""
         return float(np.abs(self.parts.high_n).max() / np.abs(self.low_n).max())
 
     @property
     def at_peak_n(self) -> list[float]:
-        """Low and high part where the whole is largest."""
+        """Return the low and the high part where the whole force is largest."""
         largest = np.argmax(self.passage.force_n)
         return [float(self.low_n[largest]), float(self.parts.high_n[largest])]
 
     @property
     def low_width_m(self) -> float:
-        """Distance between the low part's zero crossings about its maximum."""
+        """Return the distance between the low part's zero crossings on either side of its maximum; NaN without two."""
         summit = int(np.argmax(self.low_n))
         below = np.flatnonzero(self.low_n <= 0)
         before, behind = below[below < summit], below[below > summit]
@@ -73,18 +73,18 @@ class Parted:
         return self._crossing_m(int(behind[0]) - 1) - self._crossing_m(int(before[-1]))
 
     def _crossing_m(self, index: int) -> float:
-        """Where the low part crosses zero between a sample and the next."""
+        """Return where the low part crosses zero between a sample and the next."""
         x, low = self.passage.x_m, self.low_n
         return float(x[index] - low[index] * (x[index + 1] - x[index]) / (low[index + 1] - low[index]))
 
 
-def run(lab: StudyContext) -> StudyResult:
-    """Force below and above the cut at several speeds, over a weld and the same upside down; and their curves."""
-    welds = variants.by_sign(lab)
-    speeds = lab.speeds(20, 300, 1)
-    peak_maps = list(lab.vehicle_track(CONTINUOUS).peak_maps([weld.wheel_path for weld in welds], speeds, [0.0]))
-    over = {speed: _parted(lab, welds[0], speed) for speed in sorted({*DIP_KMH, *MOVING_KMH})}
-    over_inverse = {speed: _parted(lab, welds[1], speed) for speed in RISE_KMH}
+def run(context: StudyContext) -> StudyResult:
+    """Split the force at several speeds over a weld and its inverse, and compare their force-speed curves."""
+    welds = variants.by_sign(context)
+    speeds = context.speeds(20, 300, 1)
+    peak_maps = list(context.vehicle_track(CONTINUOUS).peak_maps([weld.wheel_path for weld in welds], speeds, [0.0]))
+    over = {speed: _split_force(context, welds[0], speed) for speed in sorted({*DIP_KMH, *MOVING_KMH})}
+    over_inverse = {speed: _split_force(context, welds[1], speed) for speed in RISE_KMH}
     first_m, last_m = welds[0].wheel_path.nonzero_extent_m
     shown_m = (first_m - _BEFORE_M, last_m + _BEHIND_M)
     pictures = [
@@ -97,25 +97,25 @@ def run(lab: StudyContext) -> StudyResult:
         "parts": _parts_table(welds, [over, over_inverse], shown_m),
         "curves": _curves_table(welds, speeds, peak_maps),
     }
-    measured = _measured(speeds, peak_maps, over, over_inverse) if lab.papers else {}
+    measured = _claim_quantities(speeds, peak_maps, over, over_inverse) if context.uses_paper_inputs else {}
     return StudyResult("bands", "Force below and above 530 Hz", pictures, tables, measured)
 
 
-def _parted(lab: StudyContext, weld: Variant, speed_kmh: float) -> Parted:
-    vehicle_track = lab.vehicle_track(CONTINUOUS)
-    passage = records.record(vehicle_track, weld.wheel_path, speed_kmh)
-    return Parted(
+def _split_force(context: StudyContext, weld: Variant, speed_kmh: float) -> BandSplit:
+    vehicle_track = context.vehicle_track(CONTINUOUS)
+    passage = passage_records.record(vehicle_track, weld.wheel_path, speed_kmh)
+    return BandSplit(
         speed_kmh, passage, bands(passage.x_m, passage.force_n, speed_kmh, CUT_HZ), vehicle_track.wheel.static_load_n
     )
 
 
-def _parts_table(welds: list[Variant], passages: list[dict[float, Parted]], shown_m: tuple[float, float]) -> Table:
+def _parts_table(welds: list[Variant], passages: list[dict[float, BandSplit]], shown_m: tuple[float, float]) -> Table:
     rows: list[tuple[str | float, ...]] = []
     for weld, by_speed in zip(welds, passages, strict=True):
-        for speed, parted in by_speed.items():
-            x = parted.passage.x_m
+        for speed, split in by_speed.items():
+            x = split.passage.x_m
             inside = (x >= shown_m[0]) & (x <= shown_m[1])
-            cells = as_columns(x[inside], parted.low_n[inside], parted.parts.high_n[inside])
+            cells = as_columns(x[inside], split.low_n[inside], split.parts.high_n[inside])
             rows += [(weld.label, speed, *row) for row in cells]
     return Table(
         "Dynamic force below and above 530 Hz",
@@ -133,9 +133,9 @@ def _curves_table(welds: list[Variant], speeds: FloatArray, peak_maps: list[Peak
     )  # fmt: skip
 
 
-def _measured(
-    speeds: FloatArray, peak_maps: list[PeakMap], over: dict[float, Parted], over_inverse: dict[float, Parted]
-) -> Measured:
+def _claim_quantities(
+    speeds: FloatArray, peak_maps: list[PeakMap], over: dict[float, BandSplit], over_inverse: dict[float, BandSplit]
+) -> Quantities:
     dip, rise = (peak_map.peak_force_n[:, 0] for peak_map in peak_maps)
     inverted = curve_features(speeds, rise)
     return {
@@ -144,29 +144,31 @@ def _measured(
         **_places(speeds, peak_maps[0], over),
         "bands.inverted_monotonic": inverted.monotonic,
         "bands.inverted_linearity": inverted.linearity,
-        "bands.inverted_parts_at_peak_n": [part for parted in over_inverse.values() for part in parted.at_peak_n],
+        "bands.inverted_parts_at_peak_n": [part for split in over_inverse.values() for part in split.at_peak_n],
         "bands.dip_below_rise_share": float(np.mean(dip < rise)),
     }
 
 
-def _low_part(over: dict[float, Parted]) -> Measured:
-    peaks = np.array([records.first_two_hz(records.peaks_between(over[v].spectrum, 0, CUT_HZ)) for v in _LOW_KMH])
+def _low_part(over: dict[float, BandSplit]) -> Quantities:
+    peaks = np.array(
+        [passage_records.first_two_hz(passage_records.peaks_between(over[v].spectrum, 0, CUT_HZ)) for v in _LOW_KMH]
+    )
     widths = [over[speed].low_width_m for speed in MOVING_KMH]
     return {
         "bands.low_peaks_spread": (np.ptp(peaks, axis=0) / peaks.mean(axis=0)).tolist(),
         "bands.low_first_peak_hz": peaks[:, 0].tolist(),
         "bands.low_second_peak_hz": peaks[:, 1].tolist(),
-        "bands.low_width_exponent": records.exponent(MOVING_KMH, widths),
+        "bands.low_width_exponent": passage_records.exponent(MOVING_KMH, widths),
         "bands.low_peak_shift_50_to_200kmh_mm": (over[200.0].low_peak_m - over[50.0].low_peak_m) * 1e3,
     }
 
 
-def _high_part(over: dict[float, Parted]) -> Measured:
-    strongest = [records.strongest_hz(over[v].spectrum, CUT_HZ, np.inf) for v in MOVING_KMH]
+def _high_part(over: dict[float, BandSplit]) -> Quantities:
+    strongest = [passage_records.strongest_hz(over[v].spectrum, CUT_HZ, np.inf) for v in MOVING_KMH]
     largest = [float(np.abs(over[speed].parts.high_n).max()) for speed in DIP_KMH]
     phase = phase_at_peak(over[80.0].parts)
     return {
-        "bands.high_peak_exponent": records.exponent(MOVING_KMH, strongest),
+        "bands.high_peak_exponent": passage_records.exponent(MOVING_KMH, strongest),
         **{f"bands.high_share_{speed:g}kmh": over[speed].high_share for speed in (50.0, 80.0, 120.0)},
         "bands.high_grows": bool(np.all(np.diff(largest) > 0)),
         "bands.high_at_low_maximum_80kmh_n": phase.high_n,
@@ -176,10 +178,10 @@ def _high_part(over: dict[float, Parted]) -> Measured:
     }
 
 
-def _places(speeds: FloatArray, peak_map: PeakMap, over: dict[float, Parted]) -> Measured:
-    """Where the two peaks lie, and where the parts have theirs."""
-    maximum_kmh = passages.first_maximum(passages.features(speeds, peak_map.peak_force_n[:, 0]))[0]
-    leading_m = records.place_at(speeds, peak_map, maximum_kmh)
+def _places(speeds: FloatArray, peak_map: PeakMap, over: dict[float, BandSplit]) -> Quantities:
+    """Return how far the two peaks are from those of the two parts, and how they move."""
+    maximum_kmh = passage_curves.first_maximum(passage_curves.features(speeds, peak_map.peak_force_n[:, 0]))[0]
+    leading_m = passage_records.place_at(speeds, peak_map, maximum_kmh)
     first_120, second_120 = _two_places(over[120.0], leading_m)
     first_200, second_200 = _two_places(over[200.0], leading_m)
     return {
@@ -190,6 +192,8 @@ def _places(speeds: FloatArray, peak_map: PeakMap, over: dict[float, Parted]) ->
     }
 
 
-def _two_places(parted: Parted, leading_m: float) -> tuple[float, float]:
-    first, second = passages.two_highest(passages.split_peaks(parted.passage, parted.static_load_n, leading_m))
+def _two_places(split: BandSplit, leading_m: float) -> tuple[float, float]:
+    first, second = passage_curves.two_highest(
+        passage_curves.split_peaks(split.passage, split.static_load_n, leading_m)
+    )
     return first.x_m, second.x_m

@@ -1,4 +1,4 @@
-"""What the order of `common-poles` does to its fit, to peak forces, and to the sharp angles of the force-speed curve.
+"""The effect of the order of `common-poles` on its fit, on peak forces and on sharp angles of the force-speed curve.
 
 A sharp angle is where another peak of the force history takes over as the largest: the peak's place jumps by more than
 a tenth of the dip. The paper finds the second one of the 48 mm cosine dip, on the continuous track, at 112 km/h.
@@ -15,11 +15,11 @@ from weld_force_ros.physics.engines.common_poles import PoleModel, fit_track, re
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.simulation import track_file
 from weld_force_ros.simulation.track_file import TrackDefinition
-from weld_force_ros.studies import Stage
-from weld_force_ros.studies.comparison import Error, error_of
+from weld_force_ros.studies import StartProgress
 from weld_force_ros.studies.grids import ReferenceGrid, wheel_path
+from weld_force_ros.studies.peak_comparison import Error, error_of
 from weld_force_ros.studies.reference_peaks import ReferencePeaks
-from weld_force_ros.studies.tables import Cell, Column, Table
+from weld_force_ros.studies.result_table import Cell, Column, Table
 
 ORDERS = (4, 6, 8, 10, 12, 14, 16)
 ANGLE_TRACK = "bilbao-continuous"
@@ -48,8 +48,8 @@ class OrderEffect:
 
 def order_effects(
     grids: Sequence[ReferenceGrid],
-    kept: ReferencePeaks,
-    stage: Stage,
+    reference_peaks: ReferencePeaks,
+    start_progress: StartProgress,
     *,
     orders: Sequence[int] = ORDERS,
     speeds_kmh: Sequence[float] = ANGLE_SPEEDS_KMH,
@@ -58,13 +58,13 @@ def order_effects(
 
     Args:
         grids: passages with the reference's peak forces.
-        kept: where the reference's results are kept.
-        stage: told of progress.
+        reference_peaks: where the reference's results are stored.
+        start_progress: starts the display of progress.
         orders: numbers of states.
         speeds_kmh: where sharp angles are looked for.
     """
     effects = []
-    step = stage("orders of common-poles", len(orders) * (len(grids) + 1))
+    step = start_progress("orders of common-poles", len(orders) * (len(grids) + 1))
     for grid in grids:
         for order in orders:
             model, fit_error = _fitted(grid.definition, order)
@@ -78,13 +78,15 @@ def order_effects(
         places = VehicleTrackModel(model, definition.wheel).peak_map(dip, speeds_kmh, [0.0]).peak_x_m[:, 0]
         effects.append(OrderEffect(ANGLE_TRACK, order, fit_error, None, sharp_angles(speeds_kmh, places)))
         step()
-    places = _reference_places(definition, kept, speeds_kmh, stage("the reference's sharp angles", len(speeds_kmh)))
+    places = _reference_places(
+        definition, reference_peaks, speeds_kmh, start_progress("the reference's sharp angles", len(speeds_kmh))
+    )
     effects.append(OrderEffect(ANGLE_TRACK, None, None, None, sharp_angles(speeds_kmh, places)))
     return effects
 
 
 def sharp_angles(speeds_kmh: Sequence[float], peak_x_m: FloatArray, length_m: float = ANGLE_LENGTH_M) -> list[float]:
-    """Speeds, halfway between two given ones, at which the peak's place (n_speed,) jumps."""
+    """Return the speeds, halfway between two given ones, at which the peak's place (n_speed,) jumps."""
     speeds = np.asarray(speeds_kmh)
     jumps = np.abs(np.diff(peak_x_m)) > length_m / 10
     halfway: list[float] = ((speeds[:-1] + speeds[1:]) / 2)[jumps].tolist()
@@ -98,18 +100,21 @@ def _fitted(definition: TrackDefinition, order: int) -> tuple[PoleModel, float]:
 
 
 def _reference_places(
-    definition: TrackDefinition, kept: ReferencePeaks, speeds_kmh: Sequence[float], on_speed: Callable[[], object]
+    definition: TrackDefinition,
+    reference_peaks: ReferencePeaks,
+    speeds_kmh: Sequence[float],
+    on_speed: Callable[[], object],
 ) -> FloatArray:
     dip = wheel_path(ANGLE_SHAPE, definition)
     places = []
     for speed in speeds_kmh:
-        places.append(kept.at_speed(definition, [dip], speed, np.zeros(1))[0, 1, 0])
+        places.append(reference_peaks.at_speed(definition, [dip], speed, np.zeros(1))[0, 1, 0])
         on_speed()
     return np.array(places)
 
 
 def order_table(effects: Sequence[OrderEffect]) -> Table:
-    """A row for each track and order; `reference` in the place of an order."""
+    """Return a row for each track and order; the reference's has `reference` as its order."""
     columns = (
         Column("track", "track"),
         Column("order", "order"),

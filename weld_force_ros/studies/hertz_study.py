@@ -5,10 +5,10 @@ import numpy as np
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.report.figures import as_text, new_figure
-from weld_force_ros.studies import passages, variants
-from weld_force_ros.studies.laboratory import CONTINUOUS, Measured, Picture, StudyContext, StudyResult, as_columns
-from weld_force_ros.studies.style import COLOURS
-from weld_force_ros.studies.tables import Column, Table
+from weld_force_ros.studies import passage_curves, variants
+from weld_force_ros.studies.figure_style import COLOURS
+from weld_force_ros.studies.result_table import Column, Table
+from weld_force_ros.studies.study_context import CONTINUOUS, Picture, Quantities, StudyContext, StudyResult, as_columns
 from weld_force_ros.studies.variants import Variant
 
 STIFFNESSES_GN_PER_M15 = (50.0, 75.0, 93.7, 100.0)
@@ -16,12 +16,12 @@ _LAST_KMH = 200.0
 _STYLES = (":", "--", "-", "-.")
 
 
-def run(lab: StudyContext) -> StudyResult:
-    """Force against speed with four contact stiffnesses, over a weld and the same upside down."""
-    speeds = lab.speeds(20, 300, 1)
-    welds = variants.by_sign(lab)
-    # (n_stiffness) lists of one surface a weld.
-    peak_maps = [_surfaces(lab, welds, speeds, stiffness) for stiffness in STIFFNESSES_GN_PER_M15]
+def run(context: StudyContext) -> StudyResult:
+    """Compute force against speed with four contact stiffnesses, over a weld and the same upside down."""
+    speeds = context.speeds(20, 300, 1)
+    welds = variants.by_sign(context)
+    # For each stiffness, a peak map of each weld.
+    peak_maps = [_surfaces(context, welds, speeds, stiffness) for stiffness in STIFFNESSES_GN_PER_M15]
     table = Table(
         "Peak force by contact stiffness",
         (Column("weld", "weld"), Column("hertz_gn_per_m15", "GN/m^1.5", 1), Column("speed_kmh", "km/h", 0),
@@ -30,13 +30,13 @@ def run(lab: StudyContext) -> StudyResult:
          for weld, peak_map in zip(welds, row_of, strict=True)
          for row in as_columns(speeds, peak_map.peak_force_n, peak_map.peak_x_m)],
     )  # fmt: skip
-    pictures = [_curves(welds, speeds, peak_maps), _changes(lab, welds, speeds, peak_maps)]
-    measured = _measured(lab, speeds, peak_maps[0], peak_maps[-1]) if lab.papers else {}
+    pictures = [_curves(welds, speeds, peak_maps), _changes(context, welds, speeds, peak_maps)]
+    measured = _claim_quantities(context, speeds, peak_maps[0], peak_maps[-1]) if context.uses_paper_inputs else {}
     return StudyResult("hertz", "Stiffness of the contact", pictures, {"curves": table}, measured)
 
 
-def _surfaces(lab: StudyContext, welds: list[Variant], speeds: FloatArray, gn_per_m15: float) -> list[PeakMap]:
-    vehicle_track = lab.vehicle_track(CONTINUOUS, hertz_n_per_m15=gn_per_m15 * 1e9)
+def _surfaces(context: StudyContext, welds: list[Variant], speeds: FloatArray, gn_per_m15: float) -> list[PeakMap]:
+    vehicle_track = context.vehicle_track(CONTINUOUS, hertz_n_per_m15=gn_per_m15 * 1e9)
     return list(vehicle_track.peak_maps([weld.wheel_path for weld in welds], speeds, [0.0]))
 
 
@@ -58,8 +58,10 @@ def _curves(welds: list[Variant], speeds: FloatArray, peak_maps: list[list[PeakM
     )  # fmt: skip
 
 
-def _changes(lab: StudyContext, welds: list[Variant], speeds: FloatArray, peak_maps: list[list[PeakMap]]) -> Picture:
-    static_n = lab.vehicle_track(CONTINUOUS).wheel.static_load_n
+def _changes(
+    context: StudyContext, welds: list[Variant], speeds: FloatArray, peak_maps: list[list[PeakMap]]
+) -> Picture:
+    static_n = context.vehicle_track(CONTINUOUS).wheel.static_load_n
     figure = new_figure(7.0, 3.2)
     axes = figure.subplots()
     for weld, soft, stiff, colour in zip(welds, peak_maps[0], peak_maps[-1], COLOURS, strict=False):
@@ -73,8 +75,10 @@ def _changes(lab: StudyContext, welds: list[Variant], speeds: FloatArray, peak_m
     )  # fmt: skip
 
 
-def _measured(lab: StudyContext, speeds: FloatArray, soft: list[PeakMap], stiff: list[PeakMap]) -> Measured:
-    static_n = lab.vehicle_track(CONTINUOUS).wheel.static_load_n
+def _claim_quantities(
+    context: StudyContext, speeds: FloatArray, soft: list[PeakMap], stiff: list[PeakMap]
+) -> Quantities:
+    static_n = context.vehicle_track(CONTINUOUS).wheel.static_load_n
     shown = speeds <= _LAST_KMH
     (soft_dip, soft_rise), (stiff_dip, stiff_rise) = (
         [peak_map.peak_force_n[:, 0] for peak_map in peak_maps] for peak_maps in (soft, stiff)
@@ -92,8 +96,8 @@ def _measured(lab: StudyContext, speeds: FloatArray, soft: list[PeakMap], stiff:
 
 
 def _first_maximum(speeds: FloatArray, force: FloatArray) -> tuple[float, float]:
-    return passages.first_maximum(passages.features(speeds, force))
+    return passage_curves.first_maximum(passage_curves.features(speeds, force))
 
 
 def _first_angle(speeds: FloatArray, peak_map: PeakMap) -> float:
-    return [*passages.angles_kmh(speeds, peak_map), float("nan")][0]
+    return [*passage_curves.angles_kmh(speeds, peak_map), float("nan")][0]

@@ -1,7 +1,7 @@
 """Study `validation`: the force over wheel flats on the track of Johansson and Nielsen (Figs. 7 and 8).
 
-The measurements, and Pieringer's curves, stand in the paper's figures only; neither is drawn here. What the text says
-about them is: a first maximum near 40 km/h, a minimum near 95 km/h, and growth from there to 300 km/h.
+The measurements, and Pieringer's curves, stand in the paper's figures only; neither is drawn here. The text says
+of them: a first maximum near 40 km/h, a minimum near 95 km/h, and growth from there to 300 km/h.
 """
 
 from typing import TYPE_CHECKING
@@ -11,41 +11,41 @@ import numpy as np
 from weld_force_ros.physics.analysis.speed_curve import Hollow
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report.figures import GREY, as_text, new_figure
+from weld_force_ros.studies.figure_style import COLOURS
 from weld_force_ros.studies.grids import COSINES_M, sampled_cosine
-from weld_force_ros.studies.laboratory import (
+from weld_force_ros.studies.passage_curves import features, first_maximum, hollow_after_maximum
+from weld_force_ros.studies.result_table import Column, Table
+from weld_force_ros.studies.study_context import (
     FLAT,
     JOHANSSON_NIELSEN,
-    Measured,
     Picture,
+    Quantities,
     StudyContext,
     StudyResult,
     as_columns,
     grid_rows,
 )
-from weld_force_ros.studies.passages import features, first_maximum, hollow_after_maximum
-from weld_force_ros.studies.style import COLOURS
-from weld_force_ros.studies.tables import Column, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _DEEPER = ("wheel-flat-1mm", "wheel-flat-2mm")
 _LENGTH_M, _LONGER_M, _DEPTH_M = 0.100, 0.150, 0.9e-3
-_TOLD_KMH = (40.0, 95.0)  # of the measurements, in the paper's section 1
+_TEXT_KMH = (40.0, 95.0)  # of the measurements, in the paper's section 1
 
 
-def run(lab: StudyContext) -> StudyResult:
-    """Peak forces over flats up to 300 km/h, everywhere in the span."""
-    speeds = lab.speeds(10, 300, 1)
-    positions = lab.positions(JOHANSSON_NIELSEN)
-    (weld,) = lab.welds(FLAT)
-    peak_n = lab.peak_map(weld, JOHANSSON_NIELSEN, speeds, positions).peak_force_n
+def run(context: StudyContext) -> StudyResult:
+    """Compute peak forces over flats up to 300 km/h, everywhere in the span."""
+    speeds = context.speeds(10, 300, 1)
+    positions = context.positions(JOHANSSON_NIELSEN)
+    (weld,) = context.welds(FLAT)
+    peak_n = context.peak_map(weld, JOHANSSON_NIELSEN, speeds, positions).peak_force_n
     pictures = [
         Picture(
             "validation-envelope", f"Peak force over {weld}",
             "The band spans all positions in the sleeper span. Dotted: where the measurements of Johansson and Nielsen "
             "have their maximum and minimum, as the paper's text tells; their points are in its figure only.",
-            _envelope(speeds, peak_n, weld, _TOLD_KMH if lab.papers else ()),
+            _envelope(speeds, peak_n, weld, _TEXT_KMH if context.uses_paper_inputs else ()),
         )
     ]  # fmt: skip
     tables = {
@@ -55,8 +55,8 @@ def run(lab: StudyContext) -> StudyResult:
             grid_rows(speeds, positions, peak_n),
         )
     }
-    if lab.own_weld is None:
-        upper = {name: _upper(lab, sampled_cosine(*COSINES_M[name]), speeds, positions) for name in _DEEPER}
+    if context.own_weld is None:
+        upper = {name: _upper(context, sampled_cosine(*COSINES_M[name]), speeds, positions) for name in _DEEPER}
         pictures.append(
             Picture(
                 "validation-deeper-flats", "Rounded flats of 1 and 2 mm",
@@ -67,24 +67,24 @@ def run(lab: StudyContext) -> StudyResult:
         )  # fmt: skip
         columns = (Column("speed_kmh", "km/h", 0), *(Column(f"upper_n_{name}", f"{name}, N", 0) for name in upper))
         tables["deeper"] = Table("Largest peak force of all positions", columns, as_columns(speeds, *upper.values()))
-    measured = _measured(lab, speeds, positions, peak_n) if lab.papers else {}
+    measured = _claim_quantities(context, speeds, positions, peak_n) if context.uses_paper_inputs else {}
     return StudyResult("validation", "Wheel flats", pictures, tables, measured)
 
 
 def _upper(
-    lab: StudyContext, flat: tuple[FloatArray, FloatArray], speeds: FloatArray, positions: FloatArray
+    context: StudyContext, flat: tuple[FloatArray, FloatArray], speeds: FloatArray, positions: FloatArray
 ) -> FloatArray:
-    return np.asarray(lab.peak_map(flat, JOHANSSON_NIELSEN, speeds, positions).peak_force_n.max(axis=1))
+    return np.asarray(context.peak_map(flat, JOHANSSON_NIELSEN, speeds, positions).peak_force_n.max(axis=1))
 
 
-def _envelope(speeds: FloatArray, peak_n: FloatArray, weld: str, told_kmh: tuple[float, ...]) -> "Figure":
+def _envelope(speeds: FloatArray, peak_n: FloatArray, weld: str, text_kmh: tuple[float, ...]) -> "Figure":
     figure = new_figure(7.0, 4.0)
     axes = figure.subplots()
     lower, upper = peak_n.min(axis=1) / 1e3, peak_n.max(axis=1) / 1e3
     axes.fill_between(speeds, lower, upper, color=COLOURS[1], alpha=0.35, linewidth=0, label="all positions")
     axes.plot(speeds, upper, color=COLOURS[1], label=as_text(f"largest, {weld}"))
     axes.plot(speeds, lower, color=COLOURS[1], linewidth=0.8, linestyle="--", label="least")
-    for speed in told_kmh:
+    for speed in text_kmh:
         axes.axvline(speed, color=GREY, linewidth=1, linestyle=":")
     axes.set(xlabel="speed, km/h", ylabel="peak force, kN", xlim=(0, 300), ylim=(0, None))
     figure.legend(loc="outside upper center", ncols=3, frameon=False)
@@ -101,13 +101,15 @@ def _deeper_flats(speeds: FloatArray, upper_n: dict[str, FloatArray]) -> "Figure
     return figure
 
 
-def _measured(lab: StudyContext, speeds: FloatArray, positions: FloatArray, peak_n: FloatArray) -> Measured:
+def _claim_quantities(
+    context: StudyContext, speeds: FloatArray, positions: FloatArray, peak_n: FloatArray
+) -> Quantities:
     upper_n = peak_n.max(axis=1)
     curve = features(speeds, upper_n)
     speed_kmh, maximum_n = first_maximum(curve)
     hollow = hollow_after_maximum(curve) or Hollow(np.nan, np.nan, np.nan, np.nan)
     longer_kmh, shorter_kmh = (
-        first_maximum(features(speeds, _upper(lab, sampled_cosine(length_m, _DEPTH_M), speeds, positions[:1])))[0]
+        first_maximum(features(speeds, _upper(context, sampled_cosine(length_m, _DEPTH_M), speeds, positions[:1])))[0]
         for length_m in (_LONGER_M, _LENGTH_M)
     )
     return {

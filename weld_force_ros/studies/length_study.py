@@ -7,10 +7,10 @@ from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.report.figures import GREY, as_text, new_figure
-from weld_force_ros.studies import passages, records, variants
-from weld_force_ros.studies.laboratory import CONTINUOUS, Measured, Picture, StudyContext, StudyResult, as_columns
-from weld_force_ros.studies.style import COLOURS
-from weld_force_ros.studies.tables import Cell, Column, Table
+from weld_force_ros.studies import passage_curves, passage_records, variants
+from weld_force_ros.studies.figure_style import COLOURS
+from weld_force_ros.studies.result_table import Cell, Column, Table
+from weld_force_ros.studies.study_context import CONTINUOUS, Picture, Quantities, StudyContext, StudyResult, as_columns
 from weld_force_ros.studies.variants import Variant
 
 _PARTING_KMH = (53.0, 74.0, 100.0, 124.0)
@@ -20,11 +20,11 @@ _SHAPE_KMH = np.arange(20.0, 151.0)
 _BEHIND_M = 0.2
 
 
-def run(lab: StudyContext) -> StudyResult:
-    """Force against speed over a weld and one twice as long, and how its peak parts."""
-    speeds = lab.speeds(20, 300, 1)
-    welds = variants.by_length(lab)
-    vehicle_track = lab.vehicle_track(CONTINUOUS)
+def run(context: StudyContext) -> StudyResult:
+    """Compute force against speed over a weld and one twice as long, and how its peak splits."""
+    speeds = context.speeds(20, 300, 1)
+    welds = variants.by_length(context)
+    vehicle_track = context.vehicle_track(CONTINUOUS)
     peak_maps = list(vehicle_track.peak_maps([weld.wheel_path for weld in welds], speeds, [0.0]))
     parting = [vehicle_track.history(welds[0].wheel_path, speed, 0.0) for speed in _PARTING_KMH]
     rows: list[tuple[Cell, ...]] = [(weld.label, *row) for weld, peak_map in zip(welds, peak_maps, strict=True)
@@ -35,12 +35,12 @@ def run(lab: StudyContext) -> StudyResult:
          Column("peak_x_m", "m behind the weld's centre", 4)), rows,
     )  # fmt: skip
     pictures = [_curves(welds, speeds, peak_maps), _stretched(welds, speeds, peak_maps), _parting(welds[0], parting)]
-    measured = _measured(lab, speeds, peak_maps) if lab.papers else {}
+    measured = _claim_quantities(context, speeds, peak_maps) if context.uses_paper_inputs else {}
     return StudyResult("length", "Length of the weld", pictures, {"curves": table}, measured)
 
 
 def _features(speeds: FloatArray, peak_map: PeakMap) -> CurveFeatures:
-    return passages.features(speeds, peak_map.peak_force_n[:, 0])
+    return passage_curves.features(speeds, peak_map.peak_force_n[:, 0])
 
 
 def _curves(welds: list[Variant], speeds: FloatArray, peak_maps: list[PeakMap]) -> Picture:
@@ -52,7 +52,7 @@ def _curves(welds: list[Variant], speeds: FloatArray, peak_maps: list[PeakMap]) 
         below.plot(speeds, peak_map.peak_x_m[:, 0] * 1e3, ".", markersize=3, color=colour)
         maxima = _features(speeds, peak_map).maxima[:1]
         above.plot([m.speed_kmh for m in maxima], [m.force_n / 1e3 for m in maxima], "o", color=colour)
-        angles = passages.angles_kmh(speeds, peak_map)
+        angles = passage_curves.angles_kmh(speeds, peak_map)
         above.plot(angles, np.interp(angles, speeds, force), "v", color=colour, fillstyle="none", markersize=8)
     above.plot([], [], "o", color=GREY, label="first maximum")
     above.plot([], [], "v", color=GREY, fillstyle="none", markersize=8, label="sharp angle")
@@ -106,14 +106,14 @@ def _parting(weld: Variant, histories: list[History]) -> Picture:
     )  # fmt: skip
 
 
-def _measured(lab: StudyContext, speeds: FloatArray, peak_maps: list[PeakMap]) -> Measured:
+def _claim_quantities(context: StudyContext, speeds: FloatArray, peak_maps: list[PeakMap]) -> Quantities:
     features = [_features(speeds, peak_map) for peak_map in peak_maps]
-    angles = [[*passages.angles_kmh(speeds, peak_map), np.nan, np.nan] for peak_map in peak_maps]
-    maxima_kmh = [passages.first_maximum(feature)[0] for feature in features]
-    hollows = [passages.hollow_after_maximum(feature) for feature in features]
+    angles = [[*passage_curves.angles_kmh(speeds, peak_map), np.nan, np.nan] for peak_map in peak_maps]
+    maxima_kmh = [passage_curves.first_maximum(feature)[0] for feature in features]
+    hollows = [passage_curves.hollow_after_maximum(feature) for feature in features]
     short, long = (peak_map.peak_force_n[:, 0] for peak_map in peak_maps)
     stretched = np.interp(2 * _SHAPE_KMH, speeds, long)
-    measured: Measured = {
+    measured: Quantities = {
         "length.first_maximum_ratio": float(maxima_kmh[1] / maxima_kmh[0]),
         "length.fall_after_maximum_n": [hollow.depth_n if hollow else np.nan for hollow in hollows],
         "length.shape_correlation": float(np.corrcoef(np.interp(_SHAPE_KMH, speeds, short), stretched)[0, 1]),
@@ -122,13 +122,15 @@ def _measured(lab: StudyContext, speeds: FloatArray, peak_maps: list[PeakMap]) -
         measured[f"length.first_maximum_{length_mm}mm_kmh"] = float(maximum_kmh)
         measured[f"length.first_sharp_angle_{length_mm}mm_kmh"] = float(crossed[0])
         measured[f"length.second_sharp_angle_{length_mm}mm_kmh"] = float(crossed[1])
-    return measured | _peaks_at_the_angle(lab, records.place_at(speeds, peak_maps[0], maxima_kmh[0]))
+    return measured | _peaks_at_the_angle(context, passage_records.place_at(speeds, peak_maps[0], maxima_kmh[0]))
 
 
-def _peaks_at_the_angle(lab: StudyContext, leading_m: float) -> Measured:
-    vehicle_track = lab.vehicle_track(CONTINUOUS)
-    history = vehicle_track.history(variants.by_length(lab)[0].wheel_path, _ANGLE_KMH, 0.0)
-    first, second = passages.two_highest(passages.split_peaks(history, vehicle_track.wheel.static_load_n, leading_m))
+def _peaks_at_the_angle(context: StudyContext, leading_m: float) -> Quantities:
+    vehicle_track = context.vehicle_track(CONTINUOUS)
+    history = vehicle_track.history(variants.by_length(context)[0].wheel_path, _ANGLE_KMH, 0.0)
+    first, second = passage_curves.two_highest(
+        passage_curves.split_peaks(history, vehicle_track.wheel.static_load_n, leading_m)
+    )
     return {
         "length.first_peak_place_74kmh_mm": first.x_m * 1e3,
         "length.peak_separation_74kmh_mm": (second.x_m - first.x_m) * 1e3,

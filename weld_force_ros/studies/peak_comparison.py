@@ -1,10 +1,10 @@
-"""Peak forces of two models over the same passages, and what their differences say. Pure: no model runs here."""
+"""Peak forces of two models over the same passages, and statistics of their differences; no model runs here."""
 
 import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from weld_force_ros.studies.tables import Cell, Column, Table
+from weld_force_ros.studies.result_table import Cell, Column, Table
 
 
 class Passage(NamedTuple):
@@ -20,12 +20,12 @@ class Passage(NamedTuple):
 
     @property
     def difference_percent(self) -> float:
-        """Of the reference's peak force."""
+        """Return the difference in per cent of the reference's peak force."""
         return 100.0 * (self.peak_n / self.reference_n - 1.0)
 
 
 class Error(NamedTuple):
-    """What the differences of some passages amount to; NaN if no passage stayed finite."""
+    """Statistics of the differences of some passages; NaN if no passage stayed finite."""
 
     passages: int
     not_finite: int
@@ -34,12 +34,12 @@ class Error(NamedTuple):
 
     @property
     def max_percent(self) -> float:
-        """Largest difference, without its sign."""
+        """Return the largest difference, without its sign."""
         return abs(self.worst.difference_percent)
 
 
 def error_of(passages: Sequence[Passage]) -> Error:
-    """Root mean square and worst of the differences in peak force, over at least one passage."""
+    """Return root mean square and worst of the differences in peak force, over at least one passage."""
     finite = [p for p in passages if math.isfinite(p.peak_n)]
     if not finite:
         return Error(len(passages), len(passages), math.nan, passages[0])
@@ -49,7 +49,7 @@ def error_of(passages: Sequence[Passage]) -> Error:
 
 
 def grouped(passages: Iterable[Passage], *names: str) -> dict[tuple[Cell, ...], Error]:
-    """Errors of the passages that agree in the fields `names`, in the order of their first appearance."""
+    """Return the differences of passages that agree in the fields `names`, in the order of first appearance."""
     groups: dict[tuple[Cell, ...], list[Passage]] = {}
     for passage in passages:
         groups.setdefault(tuple(getattr(passage, name) for name in names), []).append(passage)
@@ -66,7 +66,7 @@ _COLUMNS = {
 
 
 def error_table(title: str, passages: Iterable[Passage], *names: str) -> Table:
-    """Errors grouped by the fields `names`, each with where its worst passage is."""
+    """Return the differences grouped by the fields `names`, each with its worst passage."""
     columns = (
         *(_COLUMNS[name] for name in names),
         Column("passages"),
@@ -89,7 +89,7 @@ def error_table(title: str, passages: Iterable[Passage], *names: str) -> Table:
 
 
 def passage_table(passages: Iterable[Passage]) -> Table:
-    """Every passage on a row."""
+    """Return every passage on a row."""
     columns = (
         *(_COLUMNS[name] for name in ("track", "engine", "shape", "speed_kmh", "position_m")),
         Column("reference_peak_force_n", "reference N", 0),

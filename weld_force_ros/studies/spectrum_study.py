@@ -13,19 +13,19 @@ from weld_force_ros.physics.analysis.spectra import (
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.physics.track import beam
 from weld_force_ros.simulation import fit_store
-from weld_force_ros.studies import records
-from weld_force_ros.studies.laboratory import (
+from weld_force_ros.studies import passage_records
+from weld_force_ros.studies.result_table import Cell, Column, Table
+from weld_force_ros.studies.spectrum_figures import Excitation, dip_picture, receptance_picture, weld_pictures
+from weld_force_ros.studies.study_context import (
     BILBAO,
     CONTINUOUS,
     DIP_48,
     WELDS,
-    Measured,
+    Quantities,
     StudyContext,
     StudyResult,
     as_columns,
 )
-from weld_force_ros.studies.spectrum_figures import Excitation, dip_picture, receptance_picture, weld_pictures
-from weld_force_ros.studies.tables import Cell, Column, Table
 
 SPEEDS_KMH = (55.0, 120.0, 145.0, 220.0)
 DIP_KMH = 120.0
@@ -38,28 +38,28 @@ _NEAR = 0.1  # of a frequency
 _SHORT_M = 0.4  # wavelengths below it tell how the weld's own peaks move
 
 
-def run(lab: StudyContext) -> StudyResult:
-    """Receptances of the track and of the wheelset on it; spectra of the force and of the weld."""
-    receptances = _receptances(lab)
-    weld = lab.welds(WELDS[0])[0]
-    excitations = [_excitation(lab, weld, speed) for speed in SPEEDS_KMH]
-    over_dip = [_excitation(lab, DIP_48, DIP_KMH)] if lab.own_weld is None else []
+def run(context: StudyContext) -> StudyResult:
+    """Compute receptances of the track and of the wheelset on it, and spectra of the force and of the weld."""
+    receptances = _receptances(context)
+    weld = context.welds(WELDS[0])[0]
+    excitations = [_excitation(context, weld, speed) for speed in SPEEDS_KMH]
+    over_dip = [_excitation(context, DIP_48, DIP_KMH)] if context.own_weld is None else []
     wheelset = (_FREQUENCIES_HZ, np.abs(receptances["wheelset_track"][0]))
-    sections_m = _FIG_5_SPANS * lab.track(BILBAO).track.spacing_m
-    where = "continuous support" if lab.track(CONTINUOUS).track.continuous else "over a sleeper"
+    sections_m = _FIG_5_SPANS * context.track(BILBAO).track.spacing_m
+    where = "continuous support" if context.track(CONTINUOUS).track.continuous else "over a sleeper"
     pictures = [
         receptance_picture(_FREQUENCIES_HZ, receptances, sections_m, where),
         *weld_pictures(weld, excitations, wheelset),
         *(dip_picture(DIP_48, dip, wheelset, CUT_HZ) for dip in over_dip),
     ]
     tables = {"receptance": _receptance_table(receptances), "spectra": _spectra_table([*excitations, *over_dip])}
-    measured = _measured(lab, receptances, excitations, over_dip[0]) if lab.papers else {}
+    measured = _claim_quantities(context, receptances, excitations, over_dip[0]) if context.uses_paper_inputs else {}
     return StudyResult("spectrum", "Wavelengths and resonances", pictures, tables, measured)
 
 
-def _receptances(lab: StudyContext) -> dict[str, ComplexArray]:
-    """Track alone: at the sections of Fig. 5, over the whole span, where the wheel rolls; and with the wheelset."""
-    discrete, continuous = lab.track(BILBAO).track, lab.track(CONTINUOUS)
+def _receptances(context: StudyContext) -> dict[str, ComplexArray]:
+    """Compute receptances at the positions of Fig. 5, over the span, under the wheel, and with the wheelset."""
+    discrete, continuous = context.track(BILBAO).track, context.track(CONTINUOUS)
     span = beam.receptance(discrete, _FREQUENCIES_HZ, beam.sections(discrete, 15))
     return {
         "sections": beam.receptance(discrete, _FREQUENCIES_HZ, _FIG_5_SPANS * discrete.spacing_m),
@@ -69,9 +69,11 @@ def _receptances(lab: StudyContext) -> dict[str, ComplexArray]:
     }
 
 
-def _excitation(lab: StudyContext, weld: str, speed_kmh: float) -> Excitation:
-    passage = records.record(lab.vehicle_track(CONTINUOUS), lab.wheel_path(weld, CONTINUOUS), speed_kmh)
-    force, irregularity = (of(passage, speed_kmh) for of in (records.force_spectrum, records.irregularity_spectrum))
+def _excitation(context: StudyContext, weld: str, speed_kmh: float) -> Excitation:
+    passage = passage_records.record(context.vehicle_track(CONTINUOUS), context.wheel_path(weld, CONTINUOUS), speed_kmh)
+    force, irregularity = (
+        of(passage, speed_kmh) for of in (passage_records.force_spectrum, passage_records.irregularity_spectrum)
+    )
     return Excitation(weld, speed_kmh, force, irregularity)
 
 
@@ -100,23 +102,23 @@ def _spectra_table(excitations: list[Excitation]) -> Table:
     return Table("Spectra of force and irregularity", columns, rows)
 
 
-def _measured(
-    lab: StudyContext, receptances: dict[str, ComplexArray], excitations: list[Excitation], over_dip: Excitation
-) -> Measured:
+def _claim_quantities(
+    context: StudyContext, receptances: dict[str, ComplexArray], excitations: list[Excitation], over_dip: Excitation
+) -> Quantities:
     first, second, *_ = [*resonances_hz(_FREQUENCIES_HZ, receptances["wheelset_track"][0]), np.nan, np.nan]
-    dip_first, dip_second = records.first_two_hz(spectral_peaks(over_dip.force, records.CLEAR))
+    dip_first, dip_second = passage_records.first_two_hz(spectral_peaks(over_dip.force, passage_records.CLEAR))
     return {
         "spectrum.receptance_first_peak_hz": float(first),
         "spectrum.receptance_second_peak_hz": float(second),
         "spectrum.dip_48mm_first_peak_hz": dip_first,
         "spectrum.dip_48mm_second_peak_hz": dip_second,
-        **_track_alone(lab, receptances),
+        **_track_alone(context, receptances),
         **_weld_1(excitations),
     }
 
 
-def _track_alone(lab: StudyContext, receptances: dict[str, ComplexArray]) -> Measured:
-    pinned_hz = beam.pinned_pinned_hz(lab.track(BILBAO).track)
+def _track_alone(context: StudyContext, receptances: dict[str, ComplexArray]) -> Quantities:
+    pinned_hz = beam.pinned_pinned_hz(context.track(BILBAO).track)
     ratio = _ratio(receptances["sections"])
     near_pinned = np.abs(_FREQUENCIES_HZ / pinned_hz - 1) <= _NEAR
     shared = (_FREQUENCIES_HZ >= 20) & (_FREQUENCIES_HZ <= 800)
@@ -125,8 +127,8 @@ def _track_alone(lab: StudyContext, receptances: dict[str, ComplexArray]) -> Mea
         "spectrum.section_ratio_pinned_pinned": float(ratio[near_pinned].max()),
         "spectrum.section_ratio_300hz": float(np.interp(300.0, _FREQUENCIES_HZ, ratio)),
         "spectrum.continuous_difference": float(np.sqrt(np.mean((continuous / mean - 1) ** 2))),
-        "spectrum.rfp_error_bilbao": fit_store.fitted(lab.track(BILBAO), "rfp").error,
-        "spectrum.rfp_error_continuous": fit_store.fitted(lab.track(CONTINUOUS), "rfp").error,
+        "spectrum.rfp_error_bilbao": fit_store.fitted(context.track(BILBAO), "rfp").error,
+        "spectrum.rfp_error_continuous": fit_store.fitted(context.track(CONTINUOUS), "rfp").error,
     }
 
 
@@ -135,25 +137,25 @@ def _ratio(sections: ComplexArray) -> FloatArray:
     return np.asarray(magnitude.max(axis=0) / magnitude.min(axis=0))
 
 
-def _weld_1(excitations: list[Excitation]) -> Measured:
+def _weld_1(excitations: list[Excitation]) -> Quantities:
     at_55, at_120, at_145, at_220 = (excitation.force for excitation in excitations)
-    short = [records.strongest_hz(e.irregularity, e.speed_kmh / 3.6 / _SHORT_M, np.inf) for e in excitations]
+    short = [passage_records.strongest_hz(e.irregularity, e.speed_kmh / 3.6 / _SHORT_M, np.inf) for e in excitations]
     return {
-        "spectrum.irregularity_speed_exponent": records.exponent(SPEEDS_KMH, short),
+        "spectrum.irregularity_speed_exponent": passage_records.exponent(SPEEDS_KMH, short),
         "spectrum.force_peak_match_share": _match_share(excitations),
-        "spectrum.force_peak_55kmh_hz": records.strongest_hz(at_55, 0, 150),
-        "spectrum.force_peak_120kmh_hz": records.strongest_hz(at_120, 0, 150),
-        "spectrum.largest_peak_145kmh_hz": records.strongest_hz(at_145, 0, np.inf),
-        "spectrum.force_peak_220kmh_hz": records.strongest_hz(at_220, 150, CUT_HZ),
+        "spectrum.force_peak_55kmh_hz": passage_records.strongest_hz(at_55, 0, 150),
+        "spectrum.force_peak_120kmh_hz": passage_records.strongest_hz(at_120, 0, 150),
+        "spectrum.largest_peak_145kmh_hz": passage_records.strongest_hz(at_145, 0, np.inf),
+        "spectrum.force_peak_220kmh_hz": passage_records.strongest_hz(at_220, 150, CUT_HZ),
     }
 
 
 def _match_share(excitations: list[Excitation]) -> float:
-    """Share of the force's weighty peaks that have one of the weld near them."""
+    """Return the share of the force's large peaks that have one of the weld near them."""
     met = [
         any(
             abs(own.frequency_hz / peak.frequency_hz - 1) <= _NEAR
-            for own in spectral_peaks(e.irregularity, records.CLEAR)
+            for own in spectral_peaks(e.irregularity, passage_records.CLEAR)
         )
         for e in excitations
         for peak in _weighty(e.force)
@@ -163,4 +165,4 @@ def _match_share(excitations: list[Excitation]) -> float:
 
 def _weighty(spectrum: Spectrum) -> list[SpectralPeak]:
     least = _WEIGHTY * spectrum.amplitude.max()
-    return [peak for peak in spectral_peaks(spectrum, records.CLEAR) if peak.amplitude >= least]
+    return [peak for peak in spectral_peaks(spectrum, passage_records.CLEAR) if peak.amplitude >= least]
