@@ -1,6 +1,7 @@
 """Studies of this software by command: `weld-force study NAME --out DIR`.
 
-Each study is a module `NAME_study` that computes its data; most have a module `NAME_figures` beside it that draws them. Slow results are stored in the output folder, so that a second run is quick.
+Each study is a module `NAME_study` that computes its data; where drawing takes more than a few lines, `NAME_figures`
+beside it draws them. Slow results are stored in the output folder, so that a second run is quick.
 """
 
 from collections.abc import Callable
