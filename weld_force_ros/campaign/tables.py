@@ -1,4 +1,4 @@
-"""The rows of a campaign's results: verdicts, forces by speed, rejections.
+"""Define the rows of a campaign's results: verdicts, forces by speed, rejections.
 
 A weld is known by `weld_number`, its place in the order of the sources, and each vehicle over it has rows of its own.
 Columns say their units in their names.
@@ -6,16 +6,15 @@ Columns say their units in their names.
 
 from typing import Any
 
-import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]
 from msgspec import UNSET
 
 from weld_force_ros.assessment.criteria import CRITERIA
 from weld_force_ros.assessment.limits import ratio, within_limits, worst
 from weld_force_ros.messages import AssessmentSettings, ForceMap, Verdict, WeldProfile
-from weld_force_ros.simulation.force_map_view import COLUMNS, Passages, relevant_positions
+from weld_force_ros.simulation.force_map_view import COLUMNS, relevant_range
 
-_WHO: dict[str, pa.DataType] = {
+_KEYS: dict[str, pa.DataType] = {
     "weld_number": pa.int64(),
     "vehicle": pa.string(),
 }
@@ -53,7 +52,7 @@ _OF_MEASURES = {
 
 VERDICTS = pa.schema(
     {
-        **_WHO, "line": pa.string(), "origin": pa.string(), "track": pa.string(),
+        **_KEYS, "line": pa.string(), "origin": pa.string(), "track": pa.string(),
         **_OF_PROFILE, **_OF_VERDICT, "worst_criterion": pa.string(), "worst_ratio": pa.float64(),
         **{f"value_{name}": pa.float64() for name in CRITERIA}, **_OF_MEASURES,
     }
@@ -63,14 +62,14 @@ limit, or farthest beyond it, of those that decide."""
 
 SPEEDS = pa.schema(
     {
-        **_WHO,
+        **_KEYS,
         "speed_kmh": pa.float64(),
         **{name: pa.float64() for name in COLUMNS},
         "at_position_m": pa.float64(),
         "within_limits": pa.bool_(),
     }
 )
-"""One row a weld, vehicle and speed: the worst over the positions that count; `within_limits`: of a line of it."""
+"""One row a weld, vehicle and speed: the worst over the relevant positions; `within_limits` on a line of that speed."""
 
 REJECTIONS = pa.schema(
     {"weld_number": pa.int64(), "vehicle": pa.string(), "line": pa.string(), "origin": pa.string(),
@@ -80,7 +79,7 @@ REJECTIONS = pa.schema(
 
 
 def verdict_row(profile: WeldProfile, force_map: ForceMap, verdict: Verdict) -> dict[str, Any]:
-    """The columns of `VERDICTS` that these say."""
+    """Return the columns of `VERDICTS` that a weld and its verdict determine."""
     row: dict[str, Any] = {name: getattr(profile, name) for name in _OF_PROFILE}
     row |= {name: getattr(verdict, name) for name in _OF_VERDICT}
     row |= {name: getattr(force_map.measures, name) for name in _OF_MEASURES}
@@ -92,14 +91,11 @@ def verdict_row(profile: WeldProfile, force_map: ForceMap, verdict: Verdict) -> 
 
 def speed_columns(force_map: ForceMap, limits: AssessmentSettings) -> dict[str, Any]:
     """Return the columns of `SPEEDS`, (n_speed,) each, but for those that say which weld and vehicle."""
-    speeds, positions = np.array(force_map.speeds_kmh), np.array(force_map.positions_m)
-    relevant = relevant_positions(positions, force_map.weld_position_m, force_map.span_m)
-    shape, part = (len(speeds), len(positions)), np.s_[:, relevant]
-    passages = Passages.of_message(force_map, force_map.static_load_n, shape, part)
-    worst = passages.worst(axis=1)
+    relevant = relevant_range(force_map, up_to_line=False)
+    worst = relevant.worst_over_positions
     return {
-        "speed_kmh": speeds,
+        "speed_kmh": relevant.speeds_kmh,
         **worst.columns,
-        "at_position_m": positions[relevant][passages.peak_force_n.argmax(axis=1)],
-        "within_limits": within_limits(speeds, worst, limits.limits),
+        "at_position_m": relevant.positions_m[relevant.passages.peak_force_n.argmax(axis=1)],
+        "within_limits": within_limits(relevant.speeds_kmh, worst, limits.limits),
     }

@@ -166,11 +166,11 @@ class RelevantMap:
         return speeds[:count], worst.at(slice(count))
 
 
-def relevant_range(force_map: ForceMap) -> RelevantMap:
-    """Return the part of a force map that can happen."""
+def relevant_range(force_map: ForceMap, *, up_to_line: bool = True) -> RelevantMap:
+    """Return the part of a force map that can happen; with the speeds above the line's if not `up_to_line`."""
     speeds, positions = np.array(force_map.speeds_kmh), np.array(force_map.positions_m)
     line_kmh = float(speeds[-1]) if isinstance(force_map.line_speed_kmh, UnsetType) else force_map.line_speed_kmh
-    rows = np.arange(_count_up_to(speeds, line_kmh))
+    rows = np.arange(_count_up_to(speeds, line_kmh) if up_to_line else len(speeds))
     columns = relevant_positions(positions, force_map.weld_position_m, force_map.span_m)
     shape, part = (len(speeds), len(positions)), np.ix_(rows, columns)
     return RelevantMap(
