@@ -1,4 +1,4 @@
-"""What is finished: a record for each batch, written last and whole, and a manifest of all of them.
+"""Record what is finished: a file for each batch, written last and whole, and a manifest of all of them.
 
 Records name every file of a batch with its hash. A batch without a record, or with files that do not match, is assessed
 again; as results depend on nothing but the plan, it comes out the same.
@@ -16,14 +16,14 @@ FOLDER = "done"
 MANIFEST = "manifest.json"
 
 
-class Record(msgspec.Struct, frozen=True):
+class BatchRecord(msgspec.Struct, frozen=True):
     """A finished batch.
 
     Attributes:
-        plan_sha256: of the plan it belongs to.
-        verdicts: one for each weld and vehicle.
-        rejections: welds, or vehicles over a weld, that could not be assessed.
-        files: of its results, below the campaign's folder, with their SHA-256.
+        plan_sha256: identity of the plan that the batch belongs to.
+        verdicts: number of verdicts, one for each weld and vehicle.
+        rejections: number of welds, or vehicles over a weld, that could not be assessed.
+        files: SHA-256 of each file of its results, by the path below the campaign's folder.
     """
 
     plan_sha256: str
@@ -47,13 +47,13 @@ class Manifest(msgspec.Struct, frozen=True):
     files: dict[str, str]
 
 
-def keep(record: Record, out: Path) -> None:
-    """Say that a batch is finished."""
+def write(record: BatchRecord, out: Path) -> None:
+    """Record that a batch is finished."""
     _files.write_whole(_path(out, record.batch), msgspec.json.encode(record))
 
 
-def finished(out: Path, plan_sha256: str, batches: int) -> Iterator[Record]:
-    """The records of a plan's batches whose files are all there and as they were written."""
+def finished(out: Path, plan_sha256: str, batches: int) -> Iterator[BatchRecord]:
+    """Yield the records of a plan's batches whose files are all there and as they were written."""
     for number in range(batches):
         record = _read(_path(out, number))
         if record is not None and record.plan_sha256 == plan_sha256 and not differing(record.files, out):
@@ -61,7 +61,7 @@ def finished(out: Path, plan_sha256: str, batches: int) -> Iterator[Record]:
 
 
 def differing(files: dict[str, str], out: Path) -> list[str]:
-    """The files that are missing or other than recorded."""
+    """Return the files that are missing or other than recorded."""
     return [name for name, sha256 in files.items() if _sha256(out / name) != sha256]
 
 
@@ -91,9 +91,9 @@ def _path(out: Path, batch: int) -> Path:
     return out / FOLDER / f"{batch:06d}.json"
 
 
-def _read(path: Path) -> Record | None:
+def _read(path: Path) -> BatchRecord | None:
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Record)
+        return msgspec.json.decode(path.read_bytes(), type=BatchRecord)
     except (OSError, msgspec.DecodeError):
         return None
 

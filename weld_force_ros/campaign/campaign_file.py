@@ -1,4 +1,4 @@
-"""The campaign's file (YAML): which welds, on which tracks under which vehicles, at which speeds, by which limits."""
+"""Read the campaign's file (YAML): welds, tracks, vehicles, speeds and limits."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -30,8 +30,8 @@ Label = Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,59}$")]
 _REMEDY = 'write it as the README\'s page "A whole network" shows'
 
 
-class SourceFile(msgspec.Struct, forbid_unknown_fields=True):
-    """Where welds come from: exactly one of a folder of profile files, a Parquet table, or a bag."""
+class SourceEntry(msgspec.Struct, forbid_unknown_fields=True):
+    """Names a source of welds: exactly one of a folder of profile files, a Parquet table, or a bag."""
 
     folder: str | UnsetType = msgspec.UNSET
     table: str | UnsetType = msgspec.UNSET
@@ -40,28 +40,28 @@ class SourceFile(msgspec.Struct, forbid_unknown_fields=True):
     form: dict[str, Any] = {}
 
     @property
-    def named(self) -> tuple[str, str]:
-        """Its kind, and the path as the file names it."""
+    def kind_and_path(self) -> tuple[str, str]:
+        """Kind of the source, and its path as the file has it."""
         given = [(kind, path) for kind in ("folder", "table", "bag") if isinstance(path := getattr(self, kind), str)]
         if len(given) != 1:
             raise ValueError("each source is one of folder, table and bag")
         return given[0]
 
     def plain_form(self) -> PlainForm | None:
-        """What plain files of the folder do not say of themselves."""
+        """Return what plain files of the folder do not say of themselves."""
         if unknown := self.form.keys() - PlainForm.__dataclass_fields__.keys():
             raise ValueError(f"form: {', '.join(sorted(unknown))} is unknown")
         return msgspec.convert(self.form, PlainForm) if self.form else None
 
 
-class _Wheel(msgspec.Struct, forbid_unknown_fields=True):
+class _Vehicle(msgspec.Struct, forbid_unknown_fields=True):
     mass_kg: float | None = None
     static_load_n: float | None = None
     radius_m: float | None = None
     hertz_n_per_m15: float | None = None
 
 
-class _SectionFile(msgspec.Struct, forbid_unknown_fields=True):
+class _SectionEntry(msgspec.Struct, forbid_unknown_fields=True):
     name: Label
     track: str = "bilbao"
     lines: list[str] = []
@@ -71,9 +71,9 @@ class _SectionFile(msgspec.Struct, forbid_unknown_fields=True):
 
 class _CampaignFile(msgspec.Struct, forbid_unknown_fields=True):
     name: Name
-    sources: Annotated[list[SourceFile], Meta(min_length=1)]
-    sections: list[_SectionFile] = []
-    vehicles: dict[Label, _Wheel] = {}
+    sources: Annotated[list[SourceEntry], Meta(min_length=1)]
+    sections: list[_SectionEntry] = []
+    vehicles: dict[Label, _Vehicle] = {}
     speeds: str | list[float] = DEFAULT_SPEEDS
     positions: int | str | list[float] = DEFAULT_POSITIONS
     engine: str = "common-poles"
@@ -82,12 +82,13 @@ class _CampaignFile(msgspec.Struct, forbid_unknown_fields=True):
     out: str | None = None
 
 
-class Section(msgspec.Struct, frozen=True):
+class NetworkSection(msgspec.Struct, frozen=True):
     """A part of the network of one track, with the settings of every vehicle that runs there.
 
     Attributes:
-        lines: it is on one of them; on any if empty.
-        chainage_m: from the one up to the other; anywhere, of a weld of unknown chainage too, if None.
+        lines: names of the lines that the section is on; any line if empty.
+        chainage_m: begin and end; None contains every chainage, an unknown one too.
+        vehicles: settings by the vehicle's name.
     """
 
     name: str
@@ -95,8 +96,8 @@ class Section(msgspec.Struct, frozen=True):
     chainage_m: tuple[float, float] | None
     vehicles: dict[str, SimulationSettings]
 
-    def holds(self, line: str, chainage_m: float | UnsetType) -> bool:
-        """Whether a weld lies in it."""
+    def contains(self, line: str, chainage_m: float | UnsetType) -> bool:
+        """Return whether a weld lies in the section."""
         if self.lines and line not in self.lines:
             return False
         if self.chainage_m is None:
@@ -105,11 +106,11 @@ class Section(msgspec.Struct, frozen=True):
 
 
 class Campaign(msgspec.Struct, frozen=True):
-    """A campaign as its file states it, complete and checked; `out` and `folder` are where paths lead from."""
+    """A campaign as its file states it, complete and checked; paths of sources lead from `folder`."""
 
     name: str
-    sources: list[SourceFile]
-    sections: list[Section]
+    sources: list[SourceEntry]
+    sections: list[NetworkSection]
     limits: AssessmentSettings
     batch_welds: int
     folder: Path
@@ -125,12 +126,12 @@ def read(path: Path) -> Campaign:
     try:
         file = _yaml.decode(_yaml.read(path), _CampaignFile)
         for source in file.sources:
-            _ = source.named, source.plain_form()
+            _ = source.kind_and_path, source.plain_form()
     except (OSError, msgspec.DecodeError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
         raise InputError(f"campaign {path}: {legible(reason)}", _REMEDY) from None
     folder = path.absolute().parent
-    sections = file.sections or [_SectionFile("everywhere")]
+    sections = file.sections or [_SectionEntry("everywhere")]
     names = [section.name for section in sections]
     if len(set(names)) < len(names):
         raise InputError(f"campaign {path}: two sections of one name", "give each section a name of its own")
@@ -145,14 +146,14 @@ def read(path: Path) -> Campaign:
     )
 
 
-def _section(section: _SectionFile, file: _CampaignFile, folder: Path, path: Path) -> Section:
-    vehicles = file.vehicles or {OWN_WHEEL: _Wheel()}
+def _section(section: _SectionEntry, file: _CampaignFile, folder: Path, path: Path) -> NetworkSection:
+    vehicles = file.vehicles or {OWN_WHEEL: _Vehicle()}
     chosen = list(vehicles) if section.vehicles is None else section.vehicles
     if unknown := [name for name in chosen if name not in vehicles]:
         raise InputError(
             f"campaign {path}, section {section.name}: vehicle {unknown[0]} is not described", "add it to `vehicles`"
         )
-    return Section(
+    return NetworkSection(
         section.name,
         section.lines,
         section.chainage_m,
@@ -160,15 +161,15 @@ def _section(section: _SectionFile, file: _CampaignFile, folder: Path, path: Pat
     )
 
 
-def _settings(track: str, wheel: _Wheel, file: _CampaignFile, folder: Path) -> SimulationSettings:
+def _settings(track: str, vehicle: _Vehicle, file: _CampaignFile, folder: Path) -> SimulationSettings:
     speeds, positions = file.speeds, file.positions
     return simulation_settings(
         track=track if track in track_file.shipped() else str(folder / track),
         engine=file.engine,
         speeds_kmh=parse_speeds(speeds) if isinstance(speeds, str) else speeds,
         positions=parse_positions(positions) if isinstance(positions, str) else positions,
-        wheel_mass_kg=wheel.mass_kg,
-        static_load_n=wheel.static_load_n,
-        wheel_radius_m=wheel.radius_m,
-        hertz_n_per_m15=wheel.hertz_n_per_m15,
+        wheel_mass_kg=vehicle.mass_kg,
+        static_load_n=vehicle.static_load_n,
+        wheel_radius_m=vehicle.radius_m,
+        hertz_n_per_m15=vehicle.hertz_n_per_m15,
     )

@@ -1,4 +1,4 @@
-"""A campaign from its plan to its manifest, on Dask.
+"""Run a campaign on Dask, from its plan to its manifest.
 
 The client hands out a bounded number of batches at a time and keeps nothing of them but counts: its memory does not
 grow with the campaign. What a lost worker had under way is given to another; what a lost client left open is found open
@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from weld_force_ros._files import TEMPORARY
 from weld_force_ros.campaign import batch_records, batch_task, result_store, sources
 from weld_force_ros.campaign import plan as plans
-from weld_force_ros.campaign.batch_records import Manifest, Record
+from weld_force_ros.campaign.batch_records import BatchRecord, Manifest
 from weld_force_ros.campaign.plan import Plan
 from weld_force_ros.errors import InputError, WeldForceError, os_errors_as
 
@@ -28,14 +28,14 @@ _LOCAL_SETTINGS = {
     "distributed.scheduler.allowed-failures": _LOST_WORKERS,
     "distributed.worker.profile.enabled": False,  # it looks at every thread a hundred times a second
 }
-_LEAST_UNDER_WAY = 16
-_UNDER_WAY = 4  # a thread
+_LEAST_SUBMITTED = 16
+_SUBMITTED_PER_THREAD = 4
 _WAIT_FOR_WORKERS_S = 60.0
 _LEFTOVERS = (f"*{TEMPORARY}", "*.partial")
 
 
-class Unfinished(NamedTuple):
-    """A batch that took every worker with it."""
+class FailedBatch(NamedTuple):
+    """A batch that could not be assessed because it killed every worker that took it."""
 
     batch: int
     reason: str
@@ -43,7 +43,7 @@ class Unfinished(NamedTuple):
 
 @contextlib.contextmanager
 def cluster(scheduler: str | None, workers: int) -> Iterator[Any]:
-    """A Dask client: of the scheduler at an address, or of so many worker processes of one thread on this machine.
+    """Yield a Dask client of the scheduler at an address, or of worker processes of one thread each on this machine.
 
     Raises:
         InputError: dask is not installed, or nobody answers at the address.
@@ -92,12 +92,12 @@ def _connected(distributed: Any, scheduler: str) -> Any:
 
 
 def threads(client: Any) -> int:
-    """How many batches its workers assess at once."""
+    """Return the number of batches that the workers assess at once."""
     return int(sum(client.nthreads().values()))
 
 
-def prepare(plan: Plan, out: Path) -> list[Record]:
-    """Make the folder of results ready; returns the records of what is finished in it.
+def prepare(plan: Plan, out: Path) -> list[BatchRecord]:
+    """Prepare the folder of results; return the records of the batches that are finished in it.
 
     Raises:
         InputError: other results are there, or it cannot be written.
@@ -110,42 +110,42 @@ def prepare(plan: Plan, out: Path) -> list[Record]:
 
 
 def distribute(
-    client: Any, plan: Plan, out: Path, finished: set[int], on_done: Callable[[Record], None]
-) -> list[Unfinished]:
-    """Have every batch assessed that is not finished; returns those that could not be.
+    client: Any, plan: Plan, out: Path, finished: set[int], on_done: Callable[[BatchRecord], None]
+) -> list[FailedBatch]:
+    """Have every batch assessed that is not finished; return those that could not be.
 
     Raises:
         InputError: a worker cannot write or read what it must, or the scheduler is lost.
     """
     from distributed import as_completed
 
-    sha256, failed = plan.sha256, list[Unfinished]()
+    sha256, failed = plan.sha256, list[FailedBatch]()
     open_batches = (b for b in sources.batches(plan.sources, plan.batch_welds) if b.number not in finished)
 
-    def submitted(batch: sources.Batch) -> Any:
-        # Of the name `PLAN-BATCH` Dask makes one task, however often it is asked for.
+    def submitted(batch: sources.WeldBatch) -> Any:
+        # Dask makes one task of the key `PLAN-BATCH`, however often it is submitted.
         return client.submit(batch_task.assess_batch, str(out), sha256, batch, key=f"{sha256[:12]}-{batch.number}")
 
-    under_way = as_completed(
-        map(submitted, itertools.islice(open_batches, max(_LEAST_UNDER_WAY, _UNDER_WAY * threads(client))))
+    completed = as_completed(
+        map(submitted, itertools.islice(open_batches, max(_LEAST_SUBMITTED, _SUBMITTED_PER_THREAD * threads(client))))
     )
-    for future in under_way:
+    for future in completed:
         if (record := _record(future, out, failed)) is not None:
             on_done(record)
         future.release()
         for batch in itertools.islice(open_batches, 1):
-            under_way.add(submitted(batch))
+            completed.add(submitted(batch))
     return failed
 
 
-def _record(future: Any, out: Path, failed: list[Unfinished]) -> Record | None:
+def _record(future: Any, out: Path, failed: list[FailedBatch]) -> BatchRecord | None:
     from distributed import KilledWorker
     from distributed.comm import CommClosedError
 
     try:
-        record: Record = future.result()
+        record: BatchRecord = future.result()
     except KilledWorker as error:
-        failed.append(Unfinished(int(future.key.rpartition("-")[2]), f"it took {_LOST_WORKERS} workers: {error}"))
+        failed.append(FailedBatch(int(future.key.rpartition("-")[2]), f"it took {_LOST_WORKERS} workers: {error}"))
     except WeldForceError:
         raise
     except (CancelledError, ConnectionError, CommClosedError):

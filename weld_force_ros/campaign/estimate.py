@@ -1,4 +1,4 @@
-"""How long a campaign will take and how much it will write, from a few welds timed on this machine.
+"""Estimate how long a campaign takes and how much it writes, from a few welds timed on this machine.
 
     time = start + max(rounds x welds of a batch x vehicles x time of one / EFFICIENCY, batches x DRIVER_S)
     rounds = batches / workers, rounded up
@@ -21,32 +21,32 @@ import numpy as np
 from weld_force_ros.campaign import batch_task, result_store, sources
 from weld_force_ros.campaign.batch_task import AssessedWeld, Assessor, RejectedWeld, SourceWeld
 from weld_force_ros.campaign.plan import Plan
-from weld_force_ros.campaign.sources import Batch, SourceSlice
+from weld_force_ros.campaign.sources import SourceSlice, WeldBatch
 
 EFFICIENCY = 0.87
-"""Of a worker beside others: they share memory, caches and the cores' clock."""
+"""Relative speed of a worker beside others: they share memory, caches and the cores' clock."""
 START_S = 8.0
-"""Until workers have started, imported and loaded compiled code."""
+"""Time until workers have started, imported and loaded compiled code."""
 DRIVER_S = 0.01
-"""A batch's time in the scheduler and its client, which is not shared out."""
+"""Time of a batch in the scheduler and its client, which run on one core."""
 
 DRIFT = 0.15
-"""A machine's speed at other times, relative: that of the one this was made on changed by as much within an hour."""
+"""Relative change of a machine's speed over time: the machine of development changed by as much within an hour."""
 
 TRIALS = 10
-"""Batches of which some welds are timed."""
-_TOGETHER = 16  # of one trial: they share the kernel's lanes as those of a batch do
+"""Number of batches of which some welds are timed."""
+_TRIAL_WELDS = 16  # simulated together: they share the SIMD lanes as those of a batch do
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a run will take, with what it was computed from.
+    """Expected time and size of a run, with the quantities they are computed from.
 
     Attributes:
-        weld_s: of one weld under one vehicle on one thread, and twice its standard error.
-        vehicle_share: how many vehicles run over a weld, on average of the timed ones.
-        batch_bytes: of a batch without welds.
-        weld_bytes: of one weld under one vehicle.
+        weld_s: time of one weld under one vehicle on one thread, and twice its standard error.
+        vehicle_share: number of vehicles over a weld, on average of the timed ones.
+        batch_bytes: size of the results of a batch without welds.
+        weld_bytes: size of the results of one weld under one vehicle.
     """
 
     welds: int
@@ -59,7 +59,7 @@ class Estimate:
 
     @property
     def seconds(self) -> tuple[float, float, float]:
-        """Least, expected and most."""
+        """Least, expected and most seconds."""
         mean, doubt = self.weld_s
         least, most = max(0.0, mean - doubt) / (1 + DRIFT), (mean + doubt) * (1 + DRIFT)
         return self._seconds(least), self._seconds(mean), self._seconds(most)
@@ -71,12 +71,12 @@ class Estimate:
 
     @property
     def bytes(self) -> float:
-        """Of all results."""
+        """Size of all results."""
         return self.batches * self.batch_bytes + self.welds * self.vehicle_share * self.weld_bytes
 
 
 def estimate(plan: Plan, workers: int, on_trial: Callable[[], None] = lambda: None) -> Estimate:
-    """Time a few welds of a plan from all over its sources, and see how large their results are."""
+    """Time a few welds from all over a plan's sources, and measure the size of their results."""
     assessor = Assessor(plan)
     trials = [_trial(assessor, batch) for batch in _batches(plan)]
     for trial in trials:  # loads compiled code and makes the tables that any of them needs
@@ -104,50 +104,48 @@ def estimate(plan: Plan, workers: int, on_trial: Callable[[], None] = lambda: No
 
 
 class _Trial(NamedTuple):
-    """Some welds of a batch, and the seconds that reading one of all took."""
+    """Some welds of a batch, and the seconds that reading one weld took on average."""
 
     welds: list[SourceWeld]
     read_s: float
 
 
-def _trial(assessor: Assessor, batch: Batch) -> _Trial:
+def _trial(assessor: Assessor, batch: WeldBatch) -> _Trial:
     began = time.perf_counter()
     read = [*assessor.welds(batch)]
     read_s = (time.perf_counter() - began) / len(read)
-    return _Trial([read[place] for place in np.unique(np.linspace(0, len(read) - 1, _TOGETHER).astype(int))], read_s)
+    return _Trial([read[place] for place in np.unique(np.linspace(0, len(read) - 1, _TRIAL_WELDS).astype(int))], read_s)
 
 
-def _batches(plan: Plan) -> list[Batch]:
-    """A few, evenly over all."""
+def _batches(plan: Plan) -> list[WeldBatch]:
+    """Return a few batches, evenly over all."""
     chosen = set(np.linspace(0, plan.batches - 1, min(TRIALS, plan.batches)).astype(int).tolist())
     return [batch for batch in sources.batches(plan.sources, plan.batch_welds) if batch.number in chosen]
 
 
 def _saved(plan: Plan, outcomes: list[AssessedWeld | RejectedWeld]) -> tuple[float, float, float]:
-    """Seconds of an outcome's writing within a full batch, and bytes of a batch and an outcome.
+    """Return the seconds of writing an outcome within a full batch, the bytes of a batch and of an outcome.
 
-    From the outcomes written all together and half of them: what grows with them is theirs.
+    All outcomes are written, and half of them: what grows with their number is theirs.
     """
     numbered = [one._replace(number=n) if isinstance(one, AssessedWeld) else one for n, one in enumerate(outcomes)]
     count = len(numbered)
     with tempfile.TemporaryDirectory(prefix="weld-force-plan-") as folder:
         out = Path(folder)
-        trial = Plan(plan.software, plan.name, [], plan.sections, plan.limits, max(count, plan.batch_welds))
-        result_store.create_maps(_of(trial, count), out)
-        half = _written(numbered[: count // 2], 0, out, count)
+        source = sources.Source("table", "", "", "", count, "")
+        batch_welds = max(count, plan.batch_welds)
+        trial = Plan(plan.software, plan.name, [source], plan.sections, plan.limits, batch_welds)
+        result_store.create_maps(trial, out)
+        half = _write(numbered[: count // 2], out, count)
         began = time.perf_counter()
-        all_of_them = _written(numbered, 0, out, count)
+        all_of_them = _write(numbered, out, count)
         taken = time.perf_counter() - began
     weld_bytes = max(0.0, (all_of_them - half) / max(1, count - count // 2))
-    return taken / max(count, plan.batch_welds), max(0.0, all_of_them - count * weld_bytes), weld_bytes
+    return taken / batch_welds, max(0.0, all_of_them - count * weld_bytes), weld_bytes
 
 
-def _of(plan: Plan, welds: int) -> Plan:
-    source = sources.Source("table", "", "", "", welds, "")
-    return Plan(plan.software, plan.name, [source], plan.sections, plan.limits, plan.batch_welds)
-
-
-def _written(outcomes: list[AssessedWeld | RejectedWeld], number: int, out: Path, welds: int) -> int:
-    batch = Batch(number, 0, [SourceSlice(0, 0, welds)])
+def _write(outcomes: list[AssessedWeld | RejectedWeld], out: Path, welds: int) -> int:
+    """Write outcomes as one batch; return the bytes."""
+    batch = WeldBatch(0, 0, [SourceSlice(0, 0, welds)])
     record = batch_task.save(outcomes, batch, out, "")
     return sum((out / name).stat().st_size for name in record.files)

@@ -1,4 +1,4 @@
-"""What a campaign will do, fixed before it begins; kept beside the results, as a resumed run must do the same."""
+"""Fix what a campaign will do before it begins: kept beside the results, as a resumed run must do the same."""
 
 import hashlib
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 
 from weld_force_ros import SOFTWARE, _files
-from weld_force_ros.campaign.campaign_file import Campaign, Section
+from weld_force_ros.campaign.campaign_file import Campaign, NetworkSection
 from weld_force_ros.campaign.sources import Source
 from weld_force_ros.errors import InputError, os_errors_as
 from weld_force_ros.messages import AssessmentSettings
@@ -20,28 +20,28 @@ class Plan(msgspec.Struct, frozen=True):
     software: str
     name: str
     sources: list[Source]
-    sections: list[Section]
+    sections: list[NetworkSection]
     limits: AssessmentSettings
     batch_welds: int
 
     @property
     def welds(self) -> int:
-        """Of all sources."""
+        """Number of welds of all sources."""
         return sum(source.welds for source in self.sources)
 
     @property
     def batches(self) -> int:
-        """How many."""
+        """Number of batches."""
         return -(-self.welds // self.batch_welds)
 
     @property
     def vehicles(self) -> int:
-        """The most that run over one weld."""
+        """Largest number of vehicles over one weld."""
         return max(len(section.vehicles) for section in self.sections)
 
     @property
     def passages(self) -> int:
-        """Of one weld, at most."""
+        """Largest number of passages over one weld."""
         return max(
             sum(len(settings.speeds_kmh) * len(settings.positions_m) for settings in section.vehicles.values())
             for section in self.sections
@@ -49,17 +49,17 @@ class Plan(msgspec.Struct, frozen=True):
 
     @property
     def sha256(self) -> str:
-        """Its identity."""
+        """Identity of the plan."""
         return hashlib.sha256(msgspec.json.encode(self, order="sorted")).hexdigest()
 
 
 def make(campaign: Campaign, sources: list[Source]) -> Plan:
-    """The plan of a campaign over its sources."""
+    """Return the plan of a campaign over its sources."""
     return Plan(SOFTWARE, campaign.name, sources, campaign.sections, campaign.limits, campaign.batch_welds)
 
 
 def claim_folder(plan: Plan, out: Path) -> bool:
-    """Make `out` the folder of this plan's results; returns whether it was already.
+    """Make `out` the folder of this plan's results; return whether it was already.
 
     Raises:
         InputError: other results are there, or the folder cannot be written.
@@ -67,28 +67,20 @@ def claim_folder(plan: Plan, out: Path) -> bool:
     try:
         there = load(out)
     except FileNotFoundError:
-        _begin(plan, out)
+        with os_errors_as(InputError, out, "give --out a writable folder"):
+            _files.write_whole(out / _FILE, msgspec.json.format(msgspec.json.encode(plan)))
         return False
     if there.sha256 != plan.sha256:
+        names = [name for name in Plan.__struct_fields__ if getattr(there, name) != getattr(plan, name)]
         raise InputError(
-            f"{out} holds the results of another campaign, or of other sources ({_difference(there, plan)})",
+            f"{out} holds the results of another campaign, or of other sources (other {', '.join(names)})",
             "give another --out, or remove that folder",
         )
     return True
 
 
-def _begin(plan: Plan, out: Path) -> None:
-    with os_errors_as(InputError, out, "give --out a writable folder"):
-        _files.write_whole(out / _FILE, msgspec.json.format(msgspec.json.encode(plan)))
-
-
-def _difference(there: Plan, plan: Plan) -> str:
-    names = [name for name in Plan.__struct_fields__ if getattr(there, name) != getattr(plan, name)]
-    return "other " + ", ".join(names)
-
-
 def load(out: Path) -> Plan:
-    """The plan whose results are in a folder.
+    """Return the plan whose results are in a folder.
 
     Raises:
         FileNotFoundError: there is none.
@@ -103,7 +95,7 @@ def load(out: Path) -> Plan:
 
 
 def results(out: Path) -> Plan:
-    """The plan whose results are to be looked at.
+    """Return the plan whose results are to be evaluated.
 
     Raises:
         InputError: no campaign was run there.

@@ -1,4 +1,4 @@
-"""Welds as a Parquet table, a row each: the columns of a `contract.WeldProfile`, conditioned as that is.
+"""Read and write welds as a Parquet table, a row each: the columns of a conditioned `messages.WeldProfile`.
 
 Only `x_m` and `z_m` (lists of m) must be there. What is wrong with a row concerns this row alone.
 """
@@ -47,7 +47,7 @@ ProfileRow = WeldProfile | RejectedRow
 
 
 def write(path: Path, welds: Iterable[ProfileRow]) -> int:
-    """Write a table that is there as a whole or not at all; returns its rows.
+    """Write a table, whole or not at all; return its number of rows.
 
     Raises:
         InputError: the place cannot be written.
@@ -81,8 +81,8 @@ def _row(weld: ProfileRow) -> dict[str, Any]:
     }
 
 
-def rows_of(path: Path) -> int:
-    """How many rows a table has.
+def count_rows(path: Path) -> int:
+    """Return the number of rows of a table.
 
     Raises:
         InputError: it cannot be read, or has no profiles.
@@ -100,7 +100,7 @@ def rows_of(path: Path) -> int:
 
 
 def read(path: Path, first: int, count: int) -> Iterator[ProfileRow]:
-    """Rows `first` to `first + count` of a table; of one that turned out unreadable, as many unusable ones."""
+    """Yield rows `first` to `first + count` of a table; as many rejected ones of a table that became unreadable."""
     given = 0
     try:
         for table in _tables(path, first, count):
@@ -114,7 +114,7 @@ def read(path: Path, first: int, count: int) -> Iterator[ProfileRow]:
 
 
 def _tables(path: Path, first: int, count: int) -> Iterator[Any]:
-    """The rows as tables, no more of the file decoded than the row groups they are in."""
+    """Yield the rows as tables; only the row groups they are in are decoded."""
     with pq.ParquetFile(path) as file:
         columns = [name for name in SCHEMA.names if name in file.schema_arrow.names]
         group, skipped = 0, 0
@@ -141,7 +141,7 @@ def _welds(path: Path, first: int, table: Any) -> Iterator[ProfileRow]:
 
 
 def _lists(column: Any) -> list[list[float]]:
-    """A column's lists; much faster than value by value."""
+    """Return the lists of a column, much faster than value by value."""
     array = column.cast(pa.list_(pa.float64())).combine_chunks()
     flat = array.values.to_numpy(zero_copy_only=False)
     ends = array.offsets.to_numpy()

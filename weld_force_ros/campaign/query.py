@@ -1,4 +1,4 @@
-"""Questions to a campaign's results, in SQL by DuckDB over their Parquet parts.
+"""Query a campaign's results in SQL, by DuckDB over their Parquet parts.
 
 In a notebook, `connect(Path("results"))` gives a DuckDB connection with views `verdicts`, `speeds` and `rejections`,
 whose `sql(...).df()` is a pandas and `.pl()` a Polars table. Columns are those of `tables`, and `section`.
@@ -18,7 +18,7 @@ _VIEWS = {"verdicts": tables.VERDICTS, "speeds": tables.SPEEDS, "rejections": ta
 
 _WELD = "v.weld_id, v.line, v.section, v.vehicle, v.rail, v.chainage_m"
 
-# The computed speed that is nearest to one that is asked for and not above it.
+# The computed speed that is nearest to a given one and not above it.
 _AT = """
     SELECT weld_number, vehicle, max_by(speeds, speed_kmh) AS at FROM speeds
     WHERE speed_kmh <= {speed} * (1 + 1e-9) GROUP BY ALL
@@ -64,23 +64,23 @@ _CHANGED = f"""
 
 @dataclass(frozen=True)
 class Answer:
-    """Rows under the names of their columns."""
+    """The result of a query: rows under the names of their columns."""
 
     columns: list[str]
     rows: list[tuple[Any, ...]]
 
     @property
     def records(self) -> list[dict[str, Any]]:
-        """Each row by the names of its columns."""
+        """Rows as dictionaries by column name."""
         return [dict(zip(self.columns, row, strict=True)) for row in self.rows]
 
-    def shown(self, at_most: int) -> list[list[str]]:
-        """The first rows as text."""
+    def as_text(self, at_most: int) -> list[list[str]]:
+        """Return the first rows as text."""
         return [[_text(cell) for cell in row] for row in self.rows[:at_most]]
 
 
 def connect(out: Path) -> duckdb.DuckDBPyConnection:
-    """A connection whose views are a campaign's results.
+    """Return a connection whose views are a campaign's results.
 
     Raises:
         InputError: there are none.
@@ -103,7 +103,7 @@ def _add_views(connection: duckdb.DuckDBPyConnection, out: Path, prefix: str) ->
 
 
 def ask(out: Path, sql: str, **values: Any) -> Answer:
-    """The answer to SQL over the views of `connect`; `values` are those of its `$names`.
+    """Return the answer to SQL over the views of `connect`; `values` are those of its `$names`.
 
     Raises:
         InputError: no results are there, or DuckDB cannot answer.
@@ -111,11 +111,15 @@ def ask(out: Path, sql: str, **values: Any) -> Answer:
     return _answer(connect(out), sql, values)
 
 
+def fetch(connection: duckdb.DuckDBPyConnection, sql: str, **values: Any) -> Answer:
+    """Return the answer to SQL over the views of a connection; `values` are those of its `$names`."""
+    found = connection.execute(sql, values or None)
+    return Answer([column[0] for column in found.description or ()], found.fetchall())
+
+
 def _answer(connection: duckdb.DuckDBPyConnection, sql: str, values: dict[str, Any]) -> Answer:
     try:
-        found = connection.execute(sql, values or None)
-        columns = [column[0] for column in found.description or ()]
-        return Answer(columns, found.fetchall())
+        return fetch(connection, sql, **values)
     except duckdb.Error as error:
         raise InputError(" ".join(str(error).split()), "ask over the views verdicts, speeds and rejections") from None
     finally:
@@ -123,18 +127,18 @@ def _answer(connection: duckdb.DuckDBPyConnection, sql: str, values: dict[str, A
 
 
 def over(out: Path, at_kmh: float, peak_n: float | None = None) -> Answer:
-    """Welds over a limit at a speed, the worst first.
+    """Return the welds over a limit at a speed, the worst first.
 
     Args:
         out: the campaign's folder.
         at_kmh: the speed; of those computed, the nearest that is not above it counts.
-        peak_n: that peak forces may not exceed; if None, the campaign's limits for a line of that speed count.
+        peak_n: limit of the peak force; if None, the campaign's limits for a line of that speed count.
     """
     return ask(out, _OVER, at_kmh=at_kmh, peak_n=peak_n)
 
 
 def worse_if_restricted(out: Path, to_kmh: float, by: float = 0.0) -> Answer:
-    """Welds whose peak force at the line's speed is less than after a restriction, the most harmed first.
+    """Return the welds whose peak force at the line's speed is less than after a restriction, the most harmed first.
 
     Args:
         out: the campaign's folder.
@@ -145,7 +149,7 @@ def worse_if_restricted(out: Path, to_kmh: float, by: float = 0.0) -> Answer:
 
 
 def changed(before: Path, after: Path, by: float = float("inf")) -> Answer:
-    """Welds of two campaigns that are decided otherwise, or are in one of them only.
+    """Return the welds of two campaigns that are decided otherwise, or are in one of them only.
 
     Args:
         before: the earlier campaign's folder.

@@ -1,4 +1,4 @@
-"""Results on disk: Parquet parts and Zarr chunks, each there as a whole or not at all, each of one batch.
+"""Store results on disk: Parquet parts and Zarr chunks, each there as a whole or not at all, each of one batch.
 
     verdicts/section=SECTION/batch-000007.parquet     rows of `tables.VERDICTS`
     speeds/section=SECTION/batch-000007.parquet       rows of `tables.SPEEDS`
@@ -21,7 +21,7 @@ import pyarrow.parquet as pq  # type: ignore[import-untyped]
 import zarr
 
 from weld_force_ros import _files
-from weld_force_ros.campaign.campaign_file import Section
+from weld_force_ros.campaign.campaign_file import NetworkSection
 from weld_force_ros.campaign.plan import Plan
 from weld_force_ros.messages import SimulationSettings
 
@@ -39,7 +39,7 @@ MAP_VARIABLES = {
 
 
 def write_table(table: Any, out: Path, name: str) -> dict[str, str]:
-    """Write one Parquet part; returns its name and hash."""
+    """Write one Parquet part; return its name and hash."""
     buffer = io.BytesIO()
     pq.write_table(table, buffer, compression="zstd")
     data = buffer.getvalue()
@@ -48,18 +48,18 @@ def write_table(table: Any, out: Path, name: str) -> dict[str, str]:
 
 
 def part(kind: str, batch: int, section: str | None = None) -> str:
-    """The name of a batch's part of a dataset."""
+    """Return the name of a batch's part of a dataset."""
     partition = f"section={section}/" if section else ""
     return f"{kind}/{partition}batch-{batch:06d}.parquet"
 
 
 def table_of(rows: Iterable[dict[str, Any]], schema: Any) -> Any:
-    """Rows as a table."""
+    """Return rows as a table."""
     return pa.Table.from_pylist(list(rows), schema)
 
 
 def create_maps(plan: Plan, out: Path) -> None:
-    """Make the store's groups and arrays, empty; what is there already stays.
+    """Create the store's groups and arrays, empty; existing ones stay.
 
     Raises:
         OSError: it cannot be written.
@@ -71,7 +71,7 @@ def create_maps(plan: Plan, out: Path) -> None:
             _create_group(root.require_group(f"{section.name}/{vehicle}"), plan, section, settings)
 
 
-def _create_group(group: Any, plan: Plan, section: Section, settings: SimulationSettings) -> None:
+def _create_group(group: Any, plan: Plan, section: NetworkSection, settings: SimulationSettings) -> None:
     group.attrs.update(
         {"track": settings.track, "config_sha256": settings.config_sha256, "static_load_n": settings.static_load_n}
     )
@@ -106,7 +106,7 @@ def _group(path: Path, name: str) -> Any:
 
 
 def write_maps(blocks: dict[str, Any], out: Path, case: str, first: int) -> dict[str, str]:
-    """Write a batch's chunk of every array of a case; returns the chunks' names and hashes.
+    """Write a batch's chunk of every array of a case; return the chunks' names and hashes.
 
     Args:
         blocks: by variable, (n_weld, ...).

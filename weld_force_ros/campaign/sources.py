@@ -1,4 +1,4 @@
-"""Where a campaign's welds come from, counted, and cut into batches of one size across all sources.
+"""Find and count a campaign's welds, and divide them into batches of one size across all sources.
 
 A weld's number is its place in the order of the sources; files of a folder are taken in the order of their names. A bag
 is read once, into a table beside the results: a batch then need not read what lies before it.
@@ -14,7 +14,7 @@ import msgspec
 
 from weld_force_ros._files import TEMPORARY
 from weld_force_ros.campaign import profile_table
-from weld_force_ros.campaign.campaign_file import Campaign, SourceFile
+from weld_force_ros.campaign.campaign_file import Campaign, SourceEntry
 from weld_force_ros.campaign.profile_table import ProfileRow, RejectedRow
 from weld_force_ros.errors import BagError, InputError, ProfileError
 from weld_force_ros.measurement.profile_file import PlainForm, read_profile
@@ -31,10 +31,10 @@ class Source(msgspec.Struct, frozen=True):
     Attributes:
         path: absolute.
         origin: as the campaign's file names it.
-        line: that the welds are on.
-        welds: how many.
-        state: digest of names, sizes and times of change: another one is another source.
-        form: of plain files.
+        line: name of the line that the welds are on.
+        welds: number of welds.
+        state: digest of names, sizes and times of change: a source of another state is another source.
+        form: what plain files do not say of themselves.
     """
 
     kind: Literal["folder", "table"]
@@ -55,57 +55,57 @@ class SourceSlice(msgspec.Struct, frozen=True):
     files: list[str] = []
 
 
-class Batch(msgspec.Struct, frozen=True):
+class WeldBatch(msgspec.Struct, frozen=True):
     """Welds that are assessed together; `first` is the number of the first one."""
 
     number: int
     first: int
-    pieces: list[SourceSlice]
+    slices: list[SourceSlice]
 
     @property
     def welds(self) -> int:
-        """How many."""
-        return sum(piece.count for piece in self.pieces)
+        """Number of welds."""
+        return sum(part.count for part in self.slices)
 
 
 def find(campaign: Campaign, say: Callable[[str], None] = lambda _: None) -> list[Source]:
-    """The sources of a campaign, with bags unpacked.
+    """Return the sources of a campaign, with bags unpacked.
 
     Args:
-        campaign: whose.
-        say: told what takes time.
+        campaign: as its file states it.
+        say: receives a line about what takes time.
 
     Raises:
         InputError: a source is not there, cannot be read or holds nothing.
     """
-    return [found for source in campaign.sources for found in _found(source, campaign, say)]
+    return [source for entry in campaign.sources for source in _sources_of(entry, campaign, say)]
 
 
-def _found(source: SourceFile, campaign: Campaign, say: Callable[[str], None]) -> list[Source]:
-    kind, origin = source.named
+def _sources_of(entry: SourceEntry, campaign: Campaign, say: Callable[[str], None]) -> list[Source]:
+    kind, origin = entry.kind_and_path
     path = campaign.folder / origin
     if not path.exists():
         raise InputError(f"{kind} {origin}: not there", "paths lead from the campaign file's folder")
     match kind:
         case "folder":
-            files, form = _files(path), source.plain_form()
-            found = [Source("folder", str(path), origin, source.line, len(files), _state(path, files), form)]
+            files, form = _files(path), entry.plain_form()
+            found = [Source("folder", str(path), origin, entry.line, len(files), _state(path, files), form)]
         case "table":
             tables = sorted(path.rglob("*.parquet")) if path.is_dir() else [path]
-            found = [_table(table, origin, source.line) for table in tables]
+            found = [_table(table, origin, entry.line, _state(table.parent, [table.name])) for table in tables]
         case _:
-            found = [_bag(path, origin, source.line, campaign.out / UNPACKED, say)]
-    if not sum(one.welds for one in found):
+            found = [_bag(path, origin, entry.line, campaign.out / UNPACKED, say)]
+    if not sum(source.welds for source in found):
         raise InputError(f"{kind} {origin} holds no weld", "name one that does")
     return found
 
 
-def _table(path: Path, origin: str, line: str) -> Source:
-    return Source("table", str(path), origin, line, profile_table.rows_of(path), _state(path.parent, [path.name]))
+def _table(path: Path, origin: str, line: str, state: str) -> Source:
+    return Source("table", str(path), origin, line, profile_table.count_rows(path), state)
 
 
 def _files(folder: Path) -> list[str]:
-    """All files below a folder but hidden ones and those that are still being written, as paths from there."""
+    """Return all files below a folder but hidden ones and those still being written, as paths from there."""
     found = []
     for where, folders, names in os.walk(folder):
         folders[:] = [name for name in folders if not name.startswith(".")]
@@ -129,11 +129,11 @@ def _bag(path: Path, origin: str, line: str, unpacked: Path, say: Callable[[str]
     if not table.exists():
         say(f"reading {origin}")
         profile_table.write(table, _recorded(path))
-    return Source("table", str(table), origin, line, profile_table.rows_of(table), state)
+    return _table(table, origin, line, state)
 
 
 def _recorded(path: Path) -> Iterator[ProfileRow]:
-    """Each measurement of a bag once, and what of it cannot be read."""
+    """Yield each measurement of a bag once, and what of it cannot be read."""
     seen = set()
     for _, message, _ in contract_messages(open_bag(path)):
         if isinstance(message, BagError):
@@ -143,30 +143,30 @@ def _recorded(path: Path) -> Iterator[ProfileRow]:
             yield message
 
 
-def batches(sources: list[Source], size: int) -> Iterator[Batch]:
-    """All welds in batches of `size`, the last one of what is left."""
-    number, pieces, room = 0, list[SourceSlice](), size
+def batches(sources: list[Source], size: int) -> Iterator[WeldBatch]:
+    """Yield all welds in batches of `size`, the rest in the last one."""
+    number, slices, room = 0, list[SourceSlice](), size
     for index, source in enumerate(sources):
         files = _files(Path(source.path)) if source.kind == "folder" else []
         at = 0
         while at < source.welds:
             count = min(room, source.welds - at)
-            pieces.append(SourceSlice(index, at, count, files[at : at + count]))
+            slices.append(SourceSlice(index, at, count, files[at : at + count]))
             at, room = at + count, room - count
             if room == 0:
-                yield Batch(number, number * size, pieces)
-                number, pieces, room = number + 1, [], size
-    if pieces:
-        yield Batch(number, number * size, pieces)
+                yield WeldBatch(number, number * size, slices)
+                number, slices, room = number + 1, [], size
+    if slices:
+        yield WeldBatch(number, number * size, slices)
 
 
-def read(source: Source, piece: SourceSlice) -> Iterator[ProfileRow]:
-    """The welds of a piece, one for each that was counted."""
+def read(source: Source, part: SourceSlice) -> Iterator[ProfileRow]:
+    """Yield the welds of a slice of a source, one for each that was counted."""
     path = Path(source.path)
     if source.kind == "table":
-        yield from profile_table.read(path, piece.first, piece.count)
+        yield from profile_table.read(path, part.first, part.count)
         return
-    for name in piece.files:
+    for name in part.files:
         try:
             yield read_profile(path / name, source.form)
         except ProfileError as error:

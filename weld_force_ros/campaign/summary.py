@@ -1,6 +1,6 @@
-"""A campaign's results on one page of the report's look: how forces and decisions are distributed, and the worst welds.
+"""Write the summary page of a campaign: how forces and decisions are distributed, and the worst welds.
 
-What the page holds does not grow with the campaign.
+The page does not grow with the campaign.
 """
 
 from pathlib import Path
@@ -85,7 +85,7 @@ def write(out: Path) -> Path:
 
 
 def html(out: Path) -> str:
-    """The page; the same for the same results."""
+    """Return the page; the same for the same results."""
     plan = plans.results(out)
     connection = query.connect(out)
     try:
@@ -124,7 +124,7 @@ def _facts(plan: Plan, connection: duckdb.DuckDBPyConnection) -> dict[str, Any]:
 
 
 def _along(connection: duckdb.DuckDBPyConnection, line: dict[str, Any]) -> dict[str, Any]:
-    """The greatest force over chainage and speed of a line: (n_speed, n_stretch), None where no weld is."""
+    """Return the maximum force over chainage and speed of a line: (n_speed, n_stretch), None where no weld is."""
     stretches = max(1, min(_STRETCHES, line["n"] // _VERDICTS_A_STRETCH))
     stretch_m = max((line["last_m"] - line["first_m"]) / stretches, 1.0)
     cells = _records(
@@ -142,6 +142,4 @@ def _along(connection: duckdb.DuckDBPyConnection, line: dict[str, Any]) -> dict[
 
 
 def _records(connection: duckdb.DuckDBPyConnection, sql: str, **values: Any) -> list[dict[str, Any]]:
-    found = connection.execute(sql, values or None)
-    columns = [column[0] for column in found.description or ()]
-    return [dict(zip(columns, row, strict=True)) for row in found.fetchall()]
+    return query.fetch(connection, sql, **values).records

@@ -1,4 +1,4 @@
-"""A network of synthetic welds, seeded: geometries of `core.population` along lines with their speeds and places."""
+"""Make a network of synthetic welds, seeded: geometries of `synthetic_welds` along lines with speeds and positions."""
 
 from collections.abc import Iterator
 
@@ -17,15 +17,15 @@ _RESOLUTION_DECIMALS = 9  # a trolley's nanometre, so that files are short
 
 
 def network(count: int, seed: int, first: int = 0) -> Iterator[WeldProfile]:
-    """Synthetic welds along a line, both rails in turn.
+    """Yield synthetic welds along a line, both rails in turn.
 
-    Every stretch of `STRETCH_WELDS` has a line speed of its own. Where four in five lie in the sleeper span is known:
-    anywhere, with equal likelihood. Weld k of a seed is the same in a network of any size.
+    Every stretch of `STRETCH_WELDS` has a line speed of its own. Four in five have a known position in the sleeper
+    span, uniformly distributed. Weld k of a seed is the same in a network of any size.
 
     Args:
-        count: how many.
-        seed: of the population.
-        first: number of the first weld that is made.
+        count: number of welds, with those before `first`.
+        seed: seed of the population.
+        first: number of the first weld that is yielded.
 
     Raises:
         InputError: a negative count or seed.

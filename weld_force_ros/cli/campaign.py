@@ -17,7 +17,7 @@ from weld_force_ros.errors import InputError
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from weld_force_ros.campaign.batch_records import Manifest, Record
+    from weld_force_ros.campaign.batch_records import BatchRecord, Manifest
     from weld_force_ros.campaign.estimate import Estimate
     from weld_force_ros.campaign.plan import Plan
     from weld_force_ros.campaign.query import Answer
@@ -142,7 +142,7 @@ def _tell(title: str, answer: "Answer", at_most: int, json: str | None) -> None:
         for record in answer.records:
             json_output.write(lines, record)
     if json != "-":
-        shown = answer.shown(at_most)
+        shown = answer.as_text(at_most)
         terminal.table(title, [(name, "") for name in answer.columns], shown)
         terminal.say(f"{len(shown):,} of {len(answer.rows):,}; all of them with --json FILE")
 
@@ -201,7 +201,7 @@ def _run(plan: "Plan", out: Path, scheduler: str | None, workers: int) -> "Manif
     from weld_force_ros.cli import terminal
 
     running = _module("dask_run")
-    finished: list[Record] = running.prepare(plan, out)
+    finished: list[BatchRecord] = running.prepare(plan, out)
     if finished:
         terminal.say(f"{len(finished):,} of {plan.batches:,} batches are finished already")
     began = time.perf_counter()
@@ -217,7 +217,7 @@ def _run(plan: "Plan", out: Path, scheduler: str | None, workers: int) -> "Manif
     return manifest
 
 
-def _assess(plan: "Plan", out: Path, finished: "list[Record]", scheduler: str | None, workers: int) -> None:
+def _assess(plan: "Plan", out: Path, finished: "list[BatchRecord]", scheduler: str | None, workers: int) -> None:
     """Have what is open assessed, and show how it goes."""
     from weld_force_ros.cli import terminal
 
@@ -246,7 +246,7 @@ class _Progress:
         self.bar = _bar()
         self._task = self.bar.add_task("", total=welds, completed=before, rate=0.0)
 
-    def add(self, record: "Record") -> None:
+    def add(self, record: "BatchRecord") -> None:
         """A batch is finished."""
         from weld_force_ros.cli import terminal
 
