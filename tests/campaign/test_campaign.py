@@ -53,6 +53,7 @@ speeds: [100, 160, 220]
 positions: 3
 batch_welds: 12
 """
+COMMAND = [sys.executable, "-m", "weld_force_ros.cli.main", "campaign"]
 # Of 20 welds of the first line half lie in the section that two vehicles run over; of the second's 9 one is unusable.
 WELDS, VERDICTS, REJECTIONS = 32, 20 + 20 + 8, 4
 
@@ -97,23 +98,6 @@ def manifest(out):
     return json.loads((out / batch_records.MANIFEST).read_text(encoding="utf-8"))
 
 
-def test_command_on_two_workers_gives_what_one_process_gives(folder, results):
-    done = subprocess.run(
-        [sys.executable, "-m", "weld_force_ros.cli.main", "campaign", "north.yaml", "--workers", "2", "--json", "-"],
-        cwd=folder, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert (told["welds"], told["verdicts"], told["rejections"]) == (WELDS, VERDICTS, REJECTIONS)
-    assert told["results_sha256"] == manifest(results)["results_sha256"]
-    assert "dashboard: http://127.0.0.1:" in done.stderr
-    page = (folder / "north-results" / "summary.html").read_text(encoding="utf-8")
-    assert "connect-src" not in page
-    assert "script-src 'sha256-" in html.unescape(page)
-    assert HOSTILE not in page
-    assert "http://" not in page.partition('<script type="text/plain"')[0]
-
-
 def workers(client):
     return [child for child in client.children(recursive=True) if "spawn_main" in " ".join(child.cmdline())]
 
@@ -128,8 +112,8 @@ def wait_until(true, seconds=120.0):
 def test_killed_worker_and_client_change_nothing(folder, tmp_path):
     (folder / "fine.yaml").write_text(CAMPAIGN.replace("batch_welds: 12", "batch_welds: 1"), encoding="utf-8")
     out = tmp_path / "killed"
-    command = [sys.executable, "-m", "weld_force_ros.cli.main", "campaign", "fine.yaml", "--workers", "1", "--no-page"]
-    with subprocess.Popen([*command, "--out", str(out)], cwd=folder, stderr=subprocess.DEVNULL) as process:
+    command = [*COMMAND, "fine.yaml", "--workers", "2", "--no-page", "--out", str(out)]
+    with (tmp_path / "said").open("w") as said, subprocess.Popen(command, cwd=folder, stderr=said) as process:
         client = psutil.Process(process.pid)
         wait_until(lambda: list((out / batch_records.FOLDER).glob("*.json")) or process.poll() is not None)
         for worker in workers(client):
@@ -144,6 +128,7 @@ def test_killed_worker_and_client_change_nothing(folder, tmp_path):
     assert found[0].results_sha256 == found[1].results_sha256
     assert len(pd.read_parquet(out / "verdicts")) == VERDICTS
     assert not [*out.rglob("*.part"), *out.rglob("*.partial")]
+    assert "dashboard: http://127.0.0.1:" in (tmp_path / "said").read_text(encoding="utf-8")
 
 
 def test_resumed_is_identical_and_finished_batches_stay(folder, results, tmp_path):
@@ -248,7 +233,7 @@ def test_rows_that_cannot_be_used(tmp_path):
     (tmp_path / "welds.parquet").write_bytes(whole[: len(whole) // 2])
     assert all(isinstance(weld, RejectedRow) for weld in profile_table.read(tmp_path / "welds.parquet", 0, 7))
     with pytest.raises(InputError, match="columns x_m and z_m"):
-        profile_table.rows_of(tmp_path / "welds.parquet")
+        profile_table.count_rows(tmp_path / "welds.parquet")
 
 
 def test_batches_hold_every_weld_once(folder):
@@ -256,7 +241,7 @@ def test_batches_hold_every_weld_once(folder):
     cut = list(sources.batches(its_plan.sources, 12))
     assert [(batch.first, batch.welds) for batch in cut] == [(0, 12), (12, 12), (24, 8)]
     assert len(cut) == its_plan.batches
-    assert [piece.source for piece in cut[1].pieces] == [0, 1]
+    assert [part.source for part in cut[1].slices] == [0, 1]
 
 
 def test_bags_are_sources(tmp_path):
@@ -265,7 +250,7 @@ def test_bags_are_sources(tmp_path):
     campaign = campaign_file.read(tmp_path / "c.yaml")
     (found,) = sources.find(campaign)
     (batch,) = sources.batches([found], 256)
-    welds = list(sources.read(found, batch.pieces[0]))
+    welds = list(sources.read(found, batch.slices[0]))
     assert len(welds) == found.welds > 0
     assert len({weld.profile_sha256 for weld in welds}) == len(welds)
 
@@ -298,11 +283,11 @@ def test_another_campaign_leaves_results_alone(folder, results, tmp_path):
 
 def test_plan_is_computed_and_nothing_else(folder, capsys):
     assert main.main(["campaign", str(folder / "north.yaml"), "--plan", "--workers", "64", "--json", "-"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    low, high = told["seconds_range"]
-    assert low <= told["seconds"] <= high
-    assert told["welds"] == WELDS
-    assert told["bytes"] > 0
+    line = json.loads(capsys.readouterr().out)
+    low, high = line["seconds_range"]
+    assert low <= line["seconds"] <= high
+    assert line["welds"] == WELDS
+    assert line["bytes"] > 0
 
 
 def test_population_is_seeded(tmp_path, capsys):
@@ -322,24 +307,45 @@ def test_a_scheduler_that_nobody_started_is_said_in_a_line(folder, tmp_path, cap
     assert "scheduler tcp://127.0.0.1:9" in capsys.readouterr().err.splitlines()[-1]
 
 
-def test_a_lost_scheduler_is_said_and_the_same_command_goes_on(folder, results, tmp_path):
-    (folder / "fine.yaml").write_text(CAMPAIGN.replace("batch_welds: 12", "batch_welds: 1"), encoding="utf-8")
-    out, address = tmp_path / "lost", tmp_path / "scheduler.json"
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory):
+    """A Dask scheduler with a worker, started as by hand, and its address."""
+    address = tmp_path_factory.mktemp("dask") / "scheduler.json"
     dask_command = [sys.executable, "-m", "dask"]
     here = ["--scheduler-file", str(address), "--host", "127.0.0.1", "--no-dashboard"]
     quiet = {"stderr": subprocess.DEVNULL, "stdout": subprocess.DEVNULL}
     with subprocess.Popen([*dask_command, "scheduler", "--port", "0", *here], **quiet) as scheduler:
         wait_until(address.exists)
-        at = json.loads(address.read_text())["address"]
         with subprocess.Popen([*dask_command, "worker", "--nthreads", "1", *here], **quiet) as worker:
-            command = [sys.executable, "-m", "weld_force_ros.cli.main", "campaign", "fine.yaml", "--no-page"]
-            options = ["--out", str(out), "--scheduler", at]
-            with subprocess.Popen([*command, *options], cwd=folder, stderr=subprocess.PIPE, text=True) as client:
-                wait_until(lambda: list((out / batch_records.FOLDER).glob("*.json")) or client.poll() is not None)
-                scheduler.kill()
-                told = client.communicate(timeout=120)[1]
+            yield scheduler, json.loads(address.read_text())["address"]
             worker.kill()
-    assert client.returncode == 2, told
-    assert "scheduler was lost" in told.splitlines()[-1]
+        scheduler.kill()
+
+
+def test_command_on_a_scheduler_gives_what_one_process_gives(folder, results, scheduler):
+    command = [*COMMAND, "north.yaml", "--scheduler", scheduler[1], "--json", "-"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    line = json.loads(done.stdout)
+    assert (line["welds"], line["verdicts"], line["rejections"]) == (WELDS, VERDICTS, REJECTIONS)
+    assert line["results_sha256"] == manifest(results)["results_sha256"]
+    page = (folder / "north-results" / "summary.html").read_text(encoding="utf-8")
+    assert "connect-src" not in page
+    assert "script-src 'sha256-" in html.unescape(page)
+    assert HOSTILE not in page
+    assert "http://" not in page.partition('<script type="text/plain"')[0]
+
+
+def test_a_lost_scheduler_is_said_and_the_same_command_goes_on(folder, tmp_path, scheduler):
+    """Last in this file: the scheduler is gone afterwards."""
+    (folder / "fine.yaml").write_text(CAMPAIGN.replace("batch_welds: 12", "batch_welds: 1"), encoding="utf-8")
+    (process, address), out = scheduler, tmp_path / "lost"
+    command = [*COMMAND, "fine.yaml", "--no-page", "--out", str(out), "--scheduler", address]
+    with subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True) as client:
+        wait_until(lambda: list((out / batch_records.FOLDER).glob("*.json")) or client.poll() is not None)
+        process.kill()
+        said = client.communicate(timeout=120)[1]
+    assert client.returncode == 2, said
+    assert "scheduler was lost" in said.splitlines()[-1]
     its_plan = computed(folder, out, file="fine.yaml")
     assert dask_run.complete(its_plan, out).verdicts == VERDICTS
