@@ -1,4 +1,4 @@
-"""The dashboard without ROS: what a board keeps, and who a server answers."""
+"""The live report without ROS: what it keeps, and whom its server answers."""
 
 import gzip
 import http.client
@@ -62,73 +62,73 @@ def parts(weld_id: str) -> list[Message]:
     return [profile, found, history, judge(found, LIMITS)]
 
 
-def rows(board: LiveReport, after: int = 0) -> list[dict]:
-    return json.loads(board.rows_after(after))
+def rows(report: LiveReport, after: int = 0) -> list[dict]:
+    return json.loads(report.rows_after(after))
 
 
-def content(board: LiveReport, number: int) -> dict:
-    return json.loads(gzip.decompress(board.detail(number)))
+def content(report: LiveReport, number: int) -> dict:
+    return json.loads(gzip.decompress(report.detail(number)))
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 2, 1, 0), (1, 3, 0, 2)])
 @pytest.mark.parametrize("settings_first", [True, False])
 def test_details_are_whole_in_whatever_order_messages_come(tmp_path, order, settings_first):
-    board, messages = LiveReport(tmp_path), parts("KM12")
+    report, messages = LiveReport(tmp_path), parts("KM12")
     in_force = [settings(), LIMITS]
     for message in [*(in_force if settings_first else []), *(messages[i] for i in order)]:
-        board.take(message)
+        report.add(message)
     if not settings_first:
         for message in in_force:
-            board.take(message)
-    (row,) = rows(board)
+            report.add(message)
+    (row,) = rows(report)
     assert (row["n"], row["weld"]) == (1, "KM12")
-    found = content(board, 1)
+    found = content(report, 1)
     assert {"verdict", "map", "curves", "history", "profile", "provenance"} <= set(found)
     assert "wheel_m" in found["profile"]  # which needs the settings
 
 
 def test_a_row_is_there_before_its_map(tmp_path):
-    board = LiveReport(tmp_path)
-    board.take(parts("KM12")[3])
-    assert [row["weld"] for row in rows(board)] == ["KM12"]
-    assert content(board, 1)["verdict"]["weld_id"] == "KM12"
+    report = LiveReport(tmp_path)
+    report.add(parts("KM12")[3])
+    assert [row["weld"] for row in rows(report)] == ["KM12"]
+    assert content(report, 1)["verdict"]["weld_id"] == "KM12"
 
 
 def test_rejections_are_rows(tmp_path):
-    board = LiveReport(tmp_path)
-    board.take(Rejection(source="a.csv", reason="no units", remedy="state them"))
-    assert rows(board)[0]["decision"] == "unusable"
-    assert content(board, 1)["rejection"]["reason"] == "no units"
+    report = LiveReport(tmp_path)
+    report.add(Rejection(source="a.csv", reason="no units", remedy="state them"))
+    assert rows(report)[0]["decision"] == "unusable"
+    assert content(report, 1)["rejection"]["reason"] == "no units"
 
 
 def test_only_the_newest_are_kept_in_memory_and_on_disk(tmp_path):
-    board = LiveReport(tmp_path, newest=3)
+    report = LiveReport(tmp_path, newest=3)
     for i in range(10):
         for message in parts(f"weld-{i}"):
-            board.take(message)
-    assert [row["n"] for row in rows(board)] == [8, 9, 10]
-    assert [row["n"] for row in rows(board, 9)] == [10]
-    assert rows(board, 10) == rows(board, 10**9) == []
+            report.add(message)
+    assert [row["n"] for row in rows(report)] == [8, 9, 10]
+    assert [row["n"] for row in rows(report, 9)] == [10]
+    assert rows(report, 10) == rows(report, 10**9) == []
     assert sorted(path.name for path in tmp_path.iterdir()) == ["10.gz", "8.gz", "9.gz"]
-    assert board.detail(7) is None
-    assert board.count == 10
+    assert report.detail(7) is None
+    assert report.count == 10
 
 
 def test_what_never_gets_its_verdict_is_given_up(tmp_path):
-    board = LiveReport(tmp_path)
+    report = LiveReport(tmp_path)
     for i in range(300):
-        board.take(parts(f"weld-{i}")[0])
-    assert len(board._making) == 256
-    board.take(parts("weld-0")[3])
-    assert "profile" not in content(board, 1)
+        report.add(parts(f"weld-{i}")[0])
+    assert len(report._partial) == 256
+    report.add(parts("weld-0")[3])
+    assert "profile" not in content(report, 1)
 
 
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[Server]:
-    board = LiveReport(tmp_path)
+    report = LiveReport(tmp_path)
     for message in parts("KM12"):
-        board.take(message)
-    server = Server(board, PAGE, 0)
+        report.add(message)
+    server = Server(report, PAGE, 0)
     yield server
     server.close()
 

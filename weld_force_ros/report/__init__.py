@@ -1,1 +1,1 @@
-"""Pictures and pages of welds: figures, one self-contained page, the live page, PDF (extra: report)."""
+"""Figures and pages of welds: one self-contained page, the live page, PDF (extra: report)."""

@@ -19,7 +19,7 @@ _LONGEST_NAME = 48
 
 
 def new_figure(width_in: float, height_in: float) -> "Figure":
-    """An empty figure.
+    """Return an empty figure.
 
     Raises:
         InputError: matplotlib is not installed.
@@ -32,17 +32,17 @@ def new_figure(width_in: float, height_in: float) -> "Figure":
 
 
 def as_text(name: str) -> str:
-    """A name from outside: matplotlib finds no formula in it, and a long one gives up its middle to fit."""
+    """Return a name from outside so that matplotlib finds no formula in it; a long one loses its middle."""
     half = _LONGEST_NAME // 2
     shown = name if len(name) <= _LONGEST_NAME else f"{name[:half]}…{name[-half:]}"
     return shown.replace("$", r"\$")
 
 
 def save(figure: "Figure", path: Path) -> None:
-    """Write a figure to a file; its ending says the form.
+    """Write a figure to a file; the name's ending decides the format.
 
     Raises:
-        InputError: the place cannot be written or the ending is unknown.
+        InputError: the file cannot be written or the ending is unknown.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -52,7 +52,7 @@ def save(figure: "Figure", path: Path) -> None:
 
 
 def compare_maps(rows: Sequence[tuple[WeldProfile, ForceMap]]) -> "Figure":
-    """Profile and force map of several welds side by side, on one colour scale."""
+    """Draw profile and force map of several welds side by side, on one colour scale."""
     figure = new_figure(5.2 * len(rows), 6.6)
     axes = figure.subplots(2, len(rows), height_ratios=[1, 2.6], squeeze=False)
     highest = max(max(m.peak_force_n) for _, m in rows) / 1e3
@@ -67,7 +67,7 @@ def compare_maps(rows: Sequence[tuple[WeldProfile, ForceMap]]) -> "Figure":
 
 
 def one_weld(profile: WeldProfile, force_map: ForceMap, history: ForceHistory) -> "Figure":
-    """A weld on one page: profile, force map, force against speed, and the worst passage."""
+    """Draw a weld on one page: profile, force map, force against speed, and the worst passage."""
     figure = new_figure(11, 7.6)
     (top_left, top_right), (bottom_left, bottom_right) = figure.subplots(2, 2)
     _draw_profile(top_left, profile)
@@ -81,7 +81,7 @@ def one_weld(profile: WeldProfile, force_map: ForceMap, history: ForceHistory) -
 
 
 def grinding(advice: GrindingAdvice) -> "Figure":
-    """What is taken off a weld, and the worst force over speed before and after."""
+    """Draw the metal removed from a weld, and the worst force over speed before and after."""
     figure = new_figure(11, 4.2)
     left, right = figure.subplots(1, 2)
     x_cm, before_um = np.array(advice.x_m) * 100, np.array(advice.z_m) * 1e6

@@ -1,4 +1,4 @@
-"""The picture of a fit: the front it was chosen from, the receptances it gives, its coefficients (extra: report)."""
+"""The figure of a fit: receptances, Pareto front or error, coefficients or poles (extra: report)."""
 
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,10 @@ _COLOURS = (BLUE, ORANGE, GREEN, RED, "#CC79A7")
 
 
 def fit_figure(definition: TrackDefinition, fit: AnyFit) -> "Figure":
-    """Receptance of the fit against the exact one at five sections; for rational fractions also front, coefficients."""
+    """Draw the fit's receptance beside the exact one at five positions of the span.
+
+    Below it stand a rational fit's Pareto front and coefficients; of common poles, the error by band and the poles.
+    """
     figure = new_figure(11, 8)
     (magnitude, phase), (left, right) = figure.subplots(2, 2)
     _draw_receptances(magnitude, phase, definition, fit)
@@ -28,7 +31,11 @@ def fit_figure(definition: TrackDefinition, fit: AnyFit) -> "Figure":
         _draw_coefficients(right, fit)
     else:
         _draw_error(left, fit)
-        _draw_poles(right, fit)
+        right.plot(
+            np.array(fit.poles_re_rad_s) / (2 * np.pi), np.array(fit.poles_im_rad_s) / (2 * np.pi), "x", color=BLUE
+        )
+        right.axvline(0, color=GREY, linewidth=0.6)
+        right.set(xlabel="real part / 2π, Hz", ylabel="imaginary part / 2π, Hz", title="poles, shared by all sections")
     figure.suptitle(f"{fit.track}: {fit.engine} of order {fit.order}", fontweight="bold")
     return figure
 
@@ -80,9 +87,3 @@ def _draw_error(axes: "Axes", fit: AnyFit) -> None:
     axes.bar(place + 0.2, 100 * np.array(fit.acausal_floor_by_band), 0.4, color=GREY, label="cut at the impulse")
     axes.set(xticks=place, xticklabels=names, xlabel="band, Hz", ylabel="RMS error, %", title="what the contact sees")
     axes.legend(fontsize=8)
-
-
-def _draw_poles(axes: "Axes", fit: AnyFit) -> None:
-    axes.plot(np.array(fit.poles_re_rad_s) / (2 * np.pi), np.array(fit.poles_im_rad_s) / (2 * np.pi), "x", color=BLUE)
-    axes.axvline(0, color=GREY, linewidth=0.6)
-    axes.set(xlabel="real part / 2π, Hz", ylabel="imaginary part / 2π, Hz", title="poles, shared by all sections")

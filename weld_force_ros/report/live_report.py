@@ -1,4 +1,4 @@
-"""What the dashboard shows: a row of each of the newest welds in memory, its details in a file."""
+"""The live report: rows of the newest welds in memory, the details of each in a file."""
 
 import threading
 from collections import OrderedDict, deque
@@ -27,10 +27,10 @@ from weld_force_ros.report.table_row import row
 from weld_force_ros.report.weld_detail import detail
 
 NEWEST = 2_000
-"""So many rows are kept, and the details of so many welds."""
+"""Number of welds that are kept."""
 
-_BESIDE_THE_VERDICT = 3  # profile, map, history
-_MOST_IN_THE_MAKING = 256  # whoever joins late gets more verdicts than maps, and in no order
+_PARTS_BESIDE_VERDICT = 3  # profile, map, history
+_MOST_PARTIAL = 256  # a late subscriber gets more verdicts than maps, and in no order
 _MOST_SETTINGS = 20
 
 M = TypeVar("M", bound=Message)
@@ -39,14 +39,16 @@ T = TypeVar("T")
 
 @dataclass
 class _PartialWeld:
-    """A measurement of which not everything has come; messages are kept compressed, as they may be large.
+    """A weld of which not all messages have arrived; they are kept compressed, as they may be large.
 
     Attributes:
-        shown: the number and the verdict, once that has come.
-        packed: the other parts.
+        number: of its row, which it gets with its verdict.
+        verdict: None until it arrives.
+        packed: the other messages by type.
     """
 
-    shown: tuple[int, Verdict] | None = None
+    number: int = 0
+    verdict: Verdict | None = None
     packed: dict[type[Message], bytes] = field(default_factory=dict)
 
     def put(self, message: Message) -> None:
@@ -58,15 +60,15 @@ class _PartialWeld:
 
 
 class LiveReport:
-    """Welds numbered from 1 on, as their verdicts come; messages may come in any order.
+    """Rows and details of welds, numbered from 1 in the order of their verdicts; messages may arrive in any order.
 
-    A verdict gets its row at once, and details of what has come by then; what comes later is added to these. Memory
-    stays: rows are some hundred bytes each, and what is incomplete for long is given up. `take` is for one thread, the
-    others for any.
+    A verdict gets its row at once, with details from the messages that have arrived; later messages are added to the
+    details. Memory is bounded: rows take some hundred bytes each, and the oldest incomplete welds are dropped. `add`
+    must be called from one thread, everything else from any.
 
     Args:
-        folder: for files of details; of its own.
-        newest: how many welds are kept.
+        folder: for files of details; nothing else may be in it.
+        newest: number of welds that are kept.
     """
 
     def __init__(self, folder: Path, newest: int = NEWEST) -> None:
@@ -74,83 +76,83 @@ class LiveReport:
         self._rows: deque[bytes] = deque(maxlen=newest)
         self._last = 0
         self._lock = threading.Lock()
-        self._making: OrderedDict[str, _PartialWeld] = OrderedDict()
+        self._partial: OrderedDict[str, _PartialWeld] = OrderedDict()
         self._settings: OrderedDict[str, SimulationSettings] = OrderedDict()
         self._limits: OrderedDict[str, AssessmentSettings] = OrderedDict()
 
     @property
     def count(self) -> int:
-        """How many welds have come."""
+        """The number of welds that have arrived."""
         return self._last
 
     def rows_after(self, number: int) -> bytes:
-        """JSON: a list of the rows kept of welds that came after one, which 0 is before all."""
+        """Return the kept rows of welds after one as a JSON list; 0 is before all welds."""
         with self._lock:
             count = min(max(0, self._last - number), len(self._rows))
             rows = list(islice(self._rows, len(self._rows) - count, None))
         return b"[" + b",".join(rows) + b"]"
 
     def detail(self, number: int) -> bytes | None:
-        """The details of a weld as `report_page.detail` makes them; None if it is not kept."""
+        """Return the details of a weld as `weld_detail.detail` encodes them; None if it is not kept."""
         try:
             return self._file(number).read_bytes()
         except OSError:
             return None
 
-    def take(self, message: Message) -> None:
-        """Show what a message says.
+    def add(self, message: Message) -> None:
+        """Add a message to the rows and details.
 
         Raises:
-            OSError: details cannot be written; the row is there.
+            OSError: the details cannot be written; the row is kept.
         """
         match message:
             case SimulationSettings():
                 _keep(self._settings, message.config_sha256, message, _MOST_SETTINGS)
-                self._write_made_by(message.config_sha256)
+                self._write_judged_by(message.config_sha256)
             case AssessmentSettings():
                 _keep(self._limits, message.limits_sha256, message, _MOST_SETTINGS)
-                self._write_made_by(message.limits_sha256)
+                self._write_judged_by(message.limits_sha256)
             case Rejection():
-                self._making.pop(str(message.profile_id), None)
-                self._write(self._add(RejectedRecord(message)), RejectedRecord(message))
+                self._partial.pop(str(message.profile_id), None)
+                self._write(self._add_row(RejectedRecord(message)), RejectedRecord(message))
             case WeldProfile() | ForceMap() | ForceHistory() | Verdict():
-                self._take_part(message)
+                self._add_part(message)
 
-    def _take_part(self, message: WeldProfile | ForceMap | ForceHistory | Verdict) -> None:
+    def _add_part(self, message: WeldProfile | ForceMap | ForceHistory | Verdict) -> None:
         measurement = identity(message)
-        making = self._making.get(measurement) or _PartialWeld()
+        weld = self._partial.get(measurement) or _PartialWeld()
         if isinstance(message, Verdict):
-            making.shown = self._add(WeldRecord(message)), message
+            weld.number, weld.verdict = self._add_row(WeldRecord(message)), message
         else:
-            making.put(message)
-        _keep(self._making, measurement, making, _MOST_IN_THE_MAKING)
-        if self._write_shown(making):
-            del self._making[measurement]
+            weld.put(message)
+        _keep(self._partial, measurement, weld, _MOST_PARTIAL)
+        if self._write_weld(weld):
+            del self._partial[measurement]
 
-    def _write_made_by(self, sha256: str) -> None:
-        """Settings have come that verdicts before them were made with."""
-        for making in self._making.values():
-            if making.shown and sha256 in (making.shown[1].config_sha256, making.shown[1].limits_sha256):
-                self._write_shown(making)
+    def _write_judged_by(self, sha256: str) -> None:
+        """Write the details of welds whose verdict arrived before its settings or limits."""
+        for weld in self._partial.values():
+            if weld.verdict and sha256 in (weld.verdict.config_sha256, weld.verdict.limits_sha256):
+                self._write_weld(weld)
 
-    def _write_shown(self, making: _PartialWeld) -> bool:
-        """Write the details of a weld that has its row; whether all is in them."""
-        if making.shown is None:
+    def _write_weld(self, weld: _PartialWeld) -> bool:
+        """Write the details of a weld that has its verdict; return whether they are complete."""
+        verdict = weld.verdict
+        if verdict is None:
             return False
-        number, verdict = making.shown
-        weld = WeldRecord(
+        record = WeldRecord(
             verdict=verdict,
-            force_map=making.get(ForceMap),
-            profile=making.get(WeldProfile),
-            history=making.get(ForceHistory),
+            force_map=weld.get(ForceMap),
+            profile=weld.get(WeldProfile),
+            history=weld.get(ForceHistory),
             settings=self._settings.get(verdict.config_sha256),
             limits=self._limits.get(verdict.limits_sha256),
         )
-        self._write(number, weld)
-        return len(making.packed) == _BESIDE_THE_VERDICT and weld.settings is not None and weld.limits is not None
+        self._write(weld.number, record)
+        return len(weld.packed) == _PARTS_BESIDE_VERDICT and record.settings is not None and record.limits is not None
 
-    def _add(self, entry: Record) -> int:
-        encoded = msgspec.json.encode(row(self._last + 1, entry))
+    def _add_row(self, record: Record) -> int:
+        encoded = msgspec.json.encode(row(self._last + 1, record))
         with self._lock:
             self._last += 1
             self._rows.append(encoded)
@@ -158,18 +160,18 @@ class LiveReport:
         self._file(dropped).unlink(missing_ok=True)
         return self._last
 
-    def _write(self, number: int, entry: Record) -> None:
+    def _write(self, number: int, record: Record) -> None:
         if number <= self._last - len(self._rows):
             return  # dropped meanwhile
         with whole_file(self._file(number)) as stream:
-            stream.write(detail(entry))
+            stream.write(detail(record))
 
     def _file(self, number: int) -> Path:
         return self._folder / f"{number}.gz"
 
 
 def _keep(kept: OrderedDict[str, T], key: str, value: T, at_most: int) -> None:
-    """Put a value last, and let go of the first if there are too many."""
+    """Put a value last, and drop the first ones if there are too many."""
     kept[key] = value
     kept.move_to_end(key)
     while len(kept) > at_most:

@@ -1,7 +1,7 @@
-"""The dashboard over HTTP: to this machine only, and only to be read.
+"""The live report over HTTP, for browsers on this machine only, and read-only.
 
-A page of elsewhere, open in a browser of this machine, could have a name of its own resolve to 127.0.0.1 (DNS
-rebinding): so requests are answered only if they name this machine. They carry no cookie and change nothing.
+A page from elsewhere, open in a browser on this machine, could make its own name resolve to 127.0.0.1 (DNS rebinding):
+so requests are answered only if they name this machine. They carry no cookie and change nothing.
 """
 
 import errno
@@ -34,20 +34,20 @@ _HEADERS = {
 
 
 class Server:
-    """Serves a page, the rows of a board and the details of its welds, on threads of its own.
+    """An HTTP server of a page, and of the rows and details of a live report, on threads of its own.
 
     Args:
-        board: what to show.
-        page: the report's page for a server, HTML.
+        report: whose rows and details are served.
+        page: HTML that requests them.
         port: on 127.0.0.1; 0 takes a free one.
 
     Raises:
         InputError: the port cannot be used.
     """
 
-    def __init__(self, board: LiveReport, page: str, port: int) -> None:
+    def __init__(self, report: LiveReport, page: str, port: int) -> None:
         try:
-            self._http = _Http(board, page.encode(), port)
+            self._http = _Http(report, page.encode(), port)
         except OSError as error:
             reason = "is in use" if error.errno == errno.EADDRINUSE else f"cannot be used: {error.strerror or error}"
             raise InputError(
@@ -58,11 +58,11 @@ class Server:
 
     @property
     def url(self) -> str:
-        """Where to look."""
+        """The address of the page."""
         return f"http://{ADDRESS}:{self._http.server_port}/"
 
     def close(self) -> None:
-        """Answer no more, and let go of the port."""
+        """Stop answering, end open connections and release the port."""
         self._http.shutdown()
         self._thread.join()
         self._http.server_close()
@@ -75,38 +75,38 @@ class _Http(ThreadingHTTPServer):
     # socketserver's own is 5: of more connections at once than that, the others try again after seconds.
     request_queue_size = 2 * _MOST_CONNECTIONS
 
-    def __init__(self, board: LiveReport, page: bytes, port: int) -> None:
-        self.board, self.page = board, page
+    def __init__(self, report: LiveReport, page: bytes, port: int) -> None:
+        self.report, self.page = report, page
         self._connections: set[socket.socket] = set()
         self._lock = threading.Lock()
         super().__init__((ADDRESS, port), _Handler)
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Answer on a thread of the connection's own, if there are not too many."""
+        """Answer on a new thread, or close the connection if there are too many."""
         with self._lock:
-            welcome = len(self._connections) < _MOST_CONNECTIONS
-            if welcome:
+            accepted = len(self._connections) < _MOST_CONNECTIONS
+            if accepted:
                 self._connections.add(request)
-        if welcome:
+        if accepted:
             super().process_request(request, client_address)
         else:
             self.shutdown_request(request)
 
     def shutdown_request(self, request: Any) -> None:
-        """Forget a connection."""
+        """Close a connection and make room for another."""
         super().shutdown_request(request)
         with self._lock:
             self._connections.discard(request)
 
     def disconnect(self) -> None:
-        """End what browsers keep open."""
+        """End the connections that browsers keep open."""
         with self._lock:
             for connection in self._connections:
                 with suppress(OSError):  # it has gone already
                     connection.shutdown(socket.SHUT_RDWR)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A browser that goes away in the middle is nothing to be told of."""
+        """Report an error, unless a browser closed its connection."""
         if not isinstance(sys.exc_info()[1], OSError):
             super().handle_error(request, client_address)
 
@@ -118,31 +118,29 @@ class _Handler(BaseHTTPRequestHandler):
     server_version, sys_version = "weld-force", ""
 
     def do_GET(self) -> None:
-        """Answer, if it is this machine that is asked for."""
-        named = self.headers.get_all("Host") or []
-        if len(named) != 1 or not self._is_this_machine(named[0].lower()):
+        """Answer a request that names this machine."""
+        hosts = self.headers.get_all("Host") or []
+        ours = {known for name in _HOSTS for known in (name, f"{name}:{self.server.server_port}")}
+        if len(hosts) != 1 or hosts[0].lower() not in ours:
             self._answer(HTTPStatus.FORBIDDEN, "text/plain", b"This dashboard answers to this machine's name only.\n")
             return
-        board = self.server.board
+        report = self.server.report
         if self._is_page:
             self._answer(HTTPStatus.OK, "text/html; charset=utf-8", self.server.page)
-        elif asked := _ROWS.fullmatch(self.path):
-            self._answer(HTTPStatus.OK, "application/json", board.rows_after(int(asked["after"] or 0)))
-        elif (asked := _WELD.fullmatch(self.path)) and (found := board.detail(int(asked["number"]))) is not None:
-            self._answer(HTTPStatus.OK, "application/gzip", found)
+        elif matched := _ROWS.fullmatch(self.path):
+            self._answer(HTTPStatus.OK, "application/json", report.rows_after(int(matched["after"] or 0)))
+        elif (matched := _WELD.fullmatch(self.path)) and (detail := report.detail(int(matched["number"]))) is not None:
+            self._answer(HTTPStatus.OK, "application/gzip", detail)
         else:
             self._answer(HTTPStatus.NOT_FOUND, "text/plain", b"There is nothing here.\n")
 
     do_HEAD = do_GET  # noqa: N815
 
     def _refuse(self) -> None:
-        self.close_connection = True  # what it sends along is not read
+        self.close_connection = True  # the request's body is not read
         self._answer(HTTPStatus.METHOD_NOT_ALLOWED, "text/plain", b"To be read only.\n", Allow="GET, HEAD")
 
     do_POST = do_PUT = do_PATCH = do_DELETE = do_OPTIONS = _refuse  # noqa: N815
-
-    def _is_this_machine(self, host: str) -> bool:
-        return host in {known for name in _HOSTS for known in (name, f"{name}:{self.server.server_port}")}
 
     @property
     def _is_page(self) -> bool:
@@ -157,7 +155,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(content)
 
     def end_headers(self) -> None:
-        """With every answer, errors too."""
+        """Add the security headers to every answer, errors too."""
         # What the page itself may do stands in the page, by the hashes of its scripts.
         policy = "frame-ancestors 'none'" if self._is_page else "default-src 'none'; frame-ancestors 'none'"
         for name, value in {**_HEADERS, "Content-Security-Policy": policy}.items():
@@ -165,4 +163,4 @@ class _Handler(BaseHTTPRequestHandler):
         super().end_headers()
 
     def log_message(self, *_: object) -> None:
-        """A page asks twice a second."""
+        """Log nothing: a page sends two requests a second."""

@@ -1,4 +1,4 @@
-"""The page on paper: printed to PDF by a browser that is installed, without a window."""
+"""Print a page to PDF by an installed Chromium, without a window."""
 
 import os
 import shutil
@@ -15,17 +15,17 @@ _VIRTUAL_MS = 60_000
 
 
 def find_browser() -> str | None:
-    """The path of a Chromium: what the environment names, or the first on PATH."""
+    """Return the path of a Chromium: the one named by the environment, or the first on PATH; None if there is none."""
     named = os.environ.get(BROWSER_VARIABLE)
     candidates = (named,) if named else BROWSERS
     return next((found for name in candidates if name and (found := shutil.which(name))), None)
 
 
 def print_pdf(page: Path, pdf: Path) -> None:
-    """Print all welds of a page.
+    """Print all welds of a page to PDF.
 
     Raises:
-        InputError: no browser, or it wrote nothing.
+        InputError: there is no browser, it takes too long, or it writes nothing.
     """
     browser = find_browser()
     if browser is None:
@@ -35,17 +35,17 @@ def print_pdf(page: Path, pdf: Path) -> None:
     try:
         pdf.parent.mkdir(parents=True, exist_ok=True)
         pdf.unlink(missing_ok=True)
-        said = _print(browser, page, pdf)
+        last_words = _print(browser, page, pdf)
     except subprocess.TimeoutExpired:
         raise InputError(f"printing {pdf} took longer than {_SECONDS_AT_MOST} s", "print fewer welds") from None
     except OSError as error:
         raise InputError(f"{pdf}: {error.strerror or error}", "name a file in a writable folder") from None
     if not pdf.exists():
-        raise InputError(f"{browser} printed no {pdf}: {said}", f"open {page} and print it from there")
+        raise InputError(f"{browser} printed no {pdf}: {last_words}", f"open {page} and print it from there")
 
 
 def _print(browser: str, page: Path, pdf: Path) -> str:
-    """Run the browser; returns the last line it said."""
+    """Run the browser and return the last line of its standard error."""
     with tempfile.TemporaryDirectory(prefix="weld-force-print-") as profile:
         done = subprocess.run(
             [

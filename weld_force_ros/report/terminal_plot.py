@@ -14,13 +14,13 @@ _ASCII = str.maketrans("─│┌┐└┘├┤┬┴┼╌╎┄┆┈┊", "-
 
 
 def curve_plot(force_map: ForceMap, verdict: Verdict, *, width: int, unicode: bool) -> str:
-    """Greatest peak over the positions that count, in kN over km/h, with the static load and the peak's limit.
+    """Draw the maximum force over all positions that count against speed, with the static load and the limit.
 
     Args:
         force_map: of one weld.
-        verdict: on it.
+        verdict: its criteria hold the limit.
         width: in characters.
-        unicode: whether more than ASCII can be shown.
+        unicode: draw with more than ASCII characters.
     """
     speeds_kmh, worst = force_curve(relevant_range(force_map))
     speeds, peaks = speeds_kmh.tolist(), (worst.peak_force_n / 1e3).tolist()
@@ -48,7 +48,7 @@ def curve_plot(force_map: ForceMap, verdict: Verdict, *, width: int, unicode: bo
 
 
 def _ticks(low: float, high: float) -> tuple[list[float], list[str]]:
-    """Round numbers from `low` to `high`, not too many, and how they are written."""
+    """Return at most `_MOST_TICKS` round numbers between two, and their texts."""
     smallest = math.floor(math.log10(high - low or 1.0)) - 1
     steps = (digit * 10.0**power for power in itertools.count(smallest) for digit in (1, 2, 5))
     step = next(step for step in steps if (high - low) / step <= _MOST_TICKS)

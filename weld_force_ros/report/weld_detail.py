@@ -1,4 +1,4 @@
-"""All that the page shows of one weld, as little as a screen needs: gzip of JSON, some kilobytes."""
+"""The data of one weld's section of the page: gzip of JSON, some kilobytes, no more points than a screen shows."""
 
 import gzip
 from typing import Any
@@ -6,6 +6,7 @@ from typing import Any
 import msgspec
 import numpy as np
 from msgspec import UNSET
+from numpy.typing import NDArray
 
 from weld_force_ros.assessment.criteria import FORCE_CRITERIA
 from weld_force_ros.assessment.limits import decides, ratio
@@ -17,6 +18,7 @@ from weld_force_ros.messages import (
     ForceMap,
     GrindingAdvice,
     Limit,
+    Rejection,
     SimulationSettings,
     Verdict,
     WeldProfile,
@@ -24,35 +26,33 @@ from weld_force_ros.messages import (
 )
 from weld_force_ros.physics.analysis.speed_curve import surface_features
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
+from weld_force_ros.physics.passage.wheel_path import wheel_path_over
 from weld_force_ros.recording.weld_records import Record, WeldRecord
-from weld_force_ros.report.numbers import decimals, short, significant, thinned
+from weld_force_ros.report.numbers import decimals, short, significant, thinned, without_none
 from weld_force_ros.report.table_row import what_to_measure
-from weld_force_ros.simulation.force_map_view import force_curve, relevant_range
+from weld_force_ros.simulation.force_map_view import RelevantMap, force_curve, relevant_range
 
 MOST_POINTS = 400
 _LONGEST_RAW_TEXT = 4_000
 _HEADER = ("schema_version", "publisher", "sequence", "stamp")
 
 
-def detail(entry: Record) -> bytes:
-    """The data of a weld's section, or of a rejection's, as gzip of JSON; the same bytes for the same entry."""
-    return gzip.compress(
-        msgspec.json.encode(_weld(entry) if isinstance(entry, WeldRecord) else _unusable(entry)), mtime=0
-    )
+def detail(record: Record) -> bytes:
+    """Return the data of a weld's or a rejection's section as gzip of JSON; the same bytes for the same record."""
+    content = _weld(record) if isinstance(record, WeldRecord) else _rejected(record.rejection)
+    return gzip.compress(msgspec.json.encode(content), mtime=0)
 
 
-def _unusable(entry: Any) -> dict[str, Any]:
-    refused = entry.rejection
+def _rejected(rejection: Rejection) -> dict[str, Any]:
     return {
         "rejection": {
-            "source": refused.source,
-            "reason": refused.reason,
-            "remedy": refused.remedy,
-            "raw_text": refused.raw_text[:_LONGEST_RAW_TEXT],
-            "truncated": refused.raw_truncated or len(refused.raw_text) > _LONGEST_RAW_TEXT,
+            "source": rejection.source,
+            "reason": rejection.reason,
+            "remedy": rejection.remedy,
+            "raw_text": rejection.raw_text[:_LONGEST_RAW_TEXT],
+            "truncated": rejection.raw_truncated or len(rejection.raw_text) > _LONGEST_RAW_TEXT,
         },
-        "provenance": _stated({"source": refused.source, "file, sha256": known(refused.source_sha256)}),
+        "provenance": _stated({"source": rejection.source, "file, sha256": known(rejection.source_sha256)}),
     }
 
 
@@ -95,11 +95,11 @@ def _map(force_map: ForceMap) -> dict[str, Any]:
         "weld_position_m": known(force_map.weld_position_m),
         "measures": None if force_map.measures is UNSET else short(msgspec.to_builtins(force_map.measures)),
     }
-    return {name: value for name, value in content.items() if value is not None}
+    return without_none(content)
 
 
-def _hollow(force_map: ForceMap, shape: tuple[int, int]) -> np.ndarray:
-    """(n_speed, n_position), whether a lower speed reached more force there; nowhere if the grid cannot tell."""
+def _hollow(force_map: ForceMap, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Return which cells (n_speed, n_position) are hollow: a lower speed reached more; none on too coarse a grid."""
     peaks = np.array(force_map.peak_force_n).reshape(shape)
     try:
         return surface_features(force_map.speeds_kmh, force_map.positions_m, peaks, force_map.span_m).hollow
@@ -108,8 +108,9 @@ def _hollow(force_map: ForceMap, shape: tuple[int, int]) -> np.ndarray:
 
 
 def _curves(force_map: ForceMap, verdict: Verdict, limits: AssessmentSettings | None) -> dict[str, Any]:
-    """Every force criterion over speed, the worst over the positions that count, with the limits it is held against."""
-    speeds, worst = force_curve(relevant_range(force_map))
+    """Return every force criterion over speed at its worst position, with the limits applied to it."""
+    relevant = relevant_range(force_map)
+    speeds, worst = force_curve(relevant)
     series = []
     for name in dict.fromkeys(["peak_force", *(c.name for c in verdict.criteria)]):
         values = FORCE_CRITERIA[name](worst) if name in FORCE_CRITERIA else None
@@ -117,20 +118,20 @@ def _curves(force_map: ForceMap, verdict: Verdict, limits: AssessmentSettings | 
             continue
         of_verdict = [c for c in verdict.criteria if c.name == name]
         stated = [_limit(limit) for limit in limits.limits if limit.name == name] if limits else []
-        held = stated or [_limit(c) for c in of_verdict]
+        applied = stated or [_limit(c) for c in of_verdict]
         unit = next((c.unit for c in of_verdict), "N" if name == "peak_force" else "1")
         series.append({
             "name": name,
             "unit": unit,
             "values": decimals(values, -2) if unit == "N" else [significant(v, 4) for v in values.tolist()],
-            "limits": held,
-            "within": _within(held, speeds, values),
+            "limits": applied,
+            "within": _within(applied, speeds, values),
         })  # fmt: skip
-    return {"speeds_kmh": short(speeds.tolist()), "series": series, "best": _best_over_positions(force_map)}
+    return {"speeds_kmh": short(speeds.tolist()), "series": series, "best": _lowest_peaks(relevant)}
 
 
 def _within(limits: list[dict[str, Any]], speeds_kmh: FloatArray, values: FloatArray) -> str:
-    """Of every speed, 1 if all speeds up to it are within the limit of a line of that speed, or none decides there."""
+    """Return a character a speed: 1 if all speeds up to it are within the limits of a line of that speed, else 0."""
     so_far, within = np.maximum.accumulate(values), np.ones(len(values), dtype=bool)
     for limit in limits:
         if limit["decides"]:
@@ -148,17 +149,16 @@ def _limit(limit: Limit | Criterion) -> dict[str, Any]:
         "above_kmh": known(limit.above_kmh) if isinstance(limit, Limit) else None,
         "to_kmh": known(limit.to_kmh) if isinstance(limit, Limit) else None,
     }
-    return {name: value for name, value in content.items() if value is not None}
+    return without_none(content)
 
 
-def _best_over_positions(force_map: ForceMap) -> dict[str, Any] | None:
-    """The least peak over the positions that count, speed by speed; None if there is but one."""
-    judged = relevant_range(force_map)
-    if len(judged.positions_m) == 1:
+def _lowest_peaks(relevant: RelevantMap) -> dict[str, Any] | None:
+    """Return the peak at the best position of each speed; None if only one position counts."""
+    if len(relevant.positions_m) == 1:
         return None
     return {
-        "speeds_kmh": short(judged.speeds_kmh.tolist()),
-        "peak_n": decimals(judged.passages.peak_force_n.min(axis=1), -2),
+        "speeds_kmh": short(relevant.speeds_kmh.tolist()),
+        "peak_n": decimals(relevant.passages.peak_force_n.min(axis=1), -2),
     }
 
 
@@ -178,14 +178,10 @@ def _profile(profile: WeldProfile, settings: SimulationSettings | None) -> dict[
     x, z = np.array(profile.x_m), np.array(profile.z_m)
     content = {"x_m": decimals(x[drawn], 5), "z_m": decimals(z[drawn], 7)}
     if settings is not None:
-        wheel = wheel_path_over(x, z, settings.wheel_radius_m)
-        content["wheel_x_m"], content["wheel_m"] = _drawn(wheel, x[0], x[-1])
+        wheel_x = np.linspace(x[0], x[-1], MOST_POINTS // 2)
+        content["wheel_x_m"] = decimals(wheel_x, 5)
+        content["wheel_m"] = decimals(wheel_path_over(x, z, settings.wheel_radius_m).at(wheel_x), 7)
     return content
-
-
-def _drawn(wheel: WheelPath, from_m: float, to_m: float) -> tuple[list[float], list[float]]:
-    x = np.linspace(from_m, to_m, MOST_POINTS // 2)
-    return decimals(x, 5), decimals(wheel.at(x), 7)
 
 
 def _grinding(advice: GrindingAdvice) -> dict[str, Any]:
@@ -211,7 +207,7 @@ def _grinding(advice: GrindingAdvice) -> dict[str, Any]:
         "reference_within": advice.reference_within,
         "reference_peak_n": known(advice.reference_peak_n),
     }
-    return {name: value for name, value in content.items() if value is not None}
+    return without_none(content)
 
 
 def _provenance(weld: WeldRecord) -> list[list[str]]:

@@ -45,17 +45,17 @@ class DashboardNode(LifecycleNodeBase):
             newest=NEWEST,
         )
         folder = self._resources.enter_context(tempfile.TemporaryDirectory(prefix="weld-force-dashboard-"))
-        self._board = LiveReport(Path(folder))
+        self._report = LiveReport(Path(folder))
         self.topics = self._resources.enter_context(ContractTopics(self, [], group=self.intake_group))
         self._worker: Worker[tuple[type[Message], SerializedMessage]] = Worker(
             "dashboard", self._take, self.topics.report_problem, on_room=self.wake
         )
         self._resources.callback(self._worker.close, CLOSE_S)
-        server = Server(self._board, html, values["port"])
+        server = Server(self._report, html, values["port"])
         self._resources.callback(server.close)
         self.url = server.url
         self.topics.diagnostics.queue_length = lambda: self._worker.pending
-        self.topics.diagnostics.facts = lambda: {"page": self.url, "welds shown": self._board.count}
+        self.topics.diagnostics.facts = lambda: {"page": self.url, "welds shown": self._report.count}
         self.topics.publish_diagnostics()
         for kind in _SHOWN:
             self.topics.subscribe(kind, partial(self._queue, kind))
@@ -80,4 +80,4 @@ class DashboardNode(LifecycleNodeBase):
             return
         message = self.topics.decode_or_report(kind, incoming)  # who has to act on it rejects what cannot be read
         if message is not None:
-            self._board.take(message)
+            self._report.add(message)
