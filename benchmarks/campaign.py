@@ -1,8 +1,8 @@
-"""What a campaign reaches on this machine, each figure as a JSON line: `python -m benchmarks.campaign`.
+"""Measure campaigns on this machine, each figure as a JSON line: `python -m benchmarks.campaign`.
 
 Campaigns run as a user runs them, each in processes of its own. Rates are of the time from when every worker has
 finished a batch to the end, as starting takes as long for few welds as for many; `whole_s` has everything. The bare
-kernel rolls prepared trajectories over the same grid, in as many processes, right before and after.
+kernel simulates prepared wheel paths over the same grid, in as many processes, right before and after.
 """
 
 import hashlib
@@ -40,7 +40,7 @@ from weld_force_ros.simulation.simulator import Simulator
 _SPEEDS = "80:300:20"
 _POSITIONS = 5
 _GRID = f"speeds: {_SPEEDS}\npositions: {_POSITIONS}\n"
-_FEW = "speeds: [100, 200]\npositions: 2\n"
+_SMALL_GRID = "speeds: [100, 200]\npositions: 2\n"
 _KERNEL_WELDS = 1500
 _KILLS = 20
 _REPEATED_WELDS = 5000  # smaller campaigns are run until they have as many, as their time is short and uncertain
@@ -49,7 +49,7 @@ _COMMAND = [sys.executable, "-m", "weld_force_ros.cli.main", "campaign"]
 
 
 @dataclass(frozen=True)
-class _Ran:
+class _Run:
     """A finished campaign."""
 
     welds: int
@@ -58,7 +58,7 @@ class _Ran:
     peak_mb: dict[str, float]
     results_sha256: str
 
-    def told(self) -> dict[str, Any]:
+    def figures(self) -> dict[str, Any]:
         return {
             "welds": self.welds, "whole_s": round(self.whole_s, 1), "welds_per_s": round(self.welds_per_s, 1),
             "peak_memory_mb": self.peak_mb, "results_sha256": self.results_sha256[:16],
@@ -72,7 +72,7 @@ class Bench:
         self._folder = folder
 
     def campaign(self, welds: int, grid: str = _GRID) -> Path:
-        """The file of a campaign over so many welds."""
+        """Write the file of a campaign over so many welds, and their table unless it is there."""
         table, file = self._folder / f"{welds}.parquet", self._folder / f"{welds}.yaml"
         if not table.exists():
             profile_table.write(table, synthetic_network.network(welds, seed=1))
@@ -80,29 +80,29 @@ class Bench:
         file.write_text(f"name: bench\n{sources_line}{grid}", encoding="utf-8")
         return file
 
-    def out(self) -> Path:
-        """A new folder for results."""
+    def new_out(self) -> Path:
+        """Return a new folder for results."""
         return Path(tempfile.mkdtemp(dir=self._folder)) / "results"
 
-    def run(self, welds: int, workers: int = 2, scheduler: str | None = None, grid: str = _GRID) -> _Ran:
+    def run(self, welds: int, workers: int = 2, scheduler: str | None = None, grid: str = _GRID) -> _Run:
         """Run a campaign to its end."""
         options = ("--workers", str(workers)) if scheduler is None else ("--scheduler", scheduler)
-        file, out = self.campaign(welds, grid), self.out()
+        file, out = self.campaign(welds, grid), self.new_out()
         began = time.perf_counter()
         with _started(file, out, *options) as process, _watched(process.pid) as peaks:
             if process.wait():
                 raise RuntimeError(f"the campaign ended with {process.returncode}")
-        return _Ran(welds, time.perf_counter() - began, _rate(out, welds, workers), dict(peaks), _results(out))
+        return _Run(welds, time.perf_counter() - began, _rate(out, welds, workers), dict(peaks), _results(out))
 
     def whole(self, welds: int) -> dict[str, Any]:
-        """Throughput of two workers against the bare kernel in two processes."""
+        """Compare the throughput of two workers with the bare kernel in two processes."""
         self.campaign(welds)
         before = _bare(2)
         ran = self.run(welds)
         after = _bare(2)
         bare = (before + after) / 2
         expected = self._expected(welds, 2)
-        return ran.told() | {
+        return ran.figures() | {
             "bare_kernel_welds_per_s": [round(before, 1), round(after, 1)],
             "share_of_bare_kernel": round(ran.welds_per_s / bare, 3),
             "planned_s": [round(seconds, 1) for seconds in expected.seconds],
@@ -110,7 +110,7 @@ class Bench:
         }  # fmt: skip
 
     def scaling(self, welds: int) -> dict[str, Any]:
-        """Two workers over one, in turn."""
+        """Compare two workers with one, in turn."""
         one, two, again = (self.run(welds, workers) for workers in (1, 2, 1))
         single = (one.welds_per_s + again.welds_per_s) / 2
         return {
@@ -120,8 +120,8 @@ class Bench:
         }  # fmt: skip
 
     def growth(self, sizes: list[int]) -> dict[str, Any]:
-        """Cost of a weld of four passages, where all but the kernel weighs most, and memory, by the number of welds."""
-        ran = [[self.run(size, grid=_FEW) for _ in range(max(1, _REPEATED_WELDS // size))] for size in sizes]
+        """Measure time and memory over the number of welds, at four passages each: all but the kernel weighs most."""
+        ran = [[self.run(size, grid=_SMALL_GRID) for _ in range(max(1, _REPEATED_WELDS // size))] for size in sizes]
         each_ms = [1e3 / statistics.median(one.welds_per_s for one in same) for same in ran]
         return {
             "welds": sizes, "runs": [len(same) for same in ran], "weld_ms": [round(ms, 3) for ms in each_ms],
@@ -131,12 +131,12 @@ class Bench:
         }  # fmt: skip
 
     def kills(self, count: int) -> dict[str, Any]:
-        """Kill -9 of a worker, and of the client, in turn, at random moments; then the same command to its end."""
+        """Kill a worker or the client (SIGKILL) at random moments, in turn, then run the same command to its end."""
         whole = self.run(_KILLED_WELDS)
         chance = random.Random(1)  # noqa: S311
         same = 0
         for number in range(count):
-            out = self.out()
+            out = self.new_out()
             kill = _kill_client if number % 2 else _kill_worker
             with _started(self.campaign(_KILLED_WELDS), out, "--workers", "2") as process:
                 time.sleep(chance.uniform(0.3, 1.0) * whole.whole_s * 0.95)
@@ -148,15 +148,15 @@ class Bench:
             same += _results(out) == whole.results_sha256 and not _doubled(out)
         return {"kills": count, "welds": _KILLED_WELDS, "same_results_and_nothing_doubled": same}
 
-    def apart(self, welds: int) -> dict[str, Any]:
-        """A scheduler and two workers started by hand, by Dask's own commands."""
+    def own_scheduler(self, welds: int) -> dict[str, Any]:
+        """Compare the results with those on a scheduler and two workers started by Dask's own commands."""
         here = self.run(welds)
-        with _dask_apart(self._folder) as address:
+        with _own_scheduler(self._folder) as address:
             there = self.run(welds, scheduler=address)
         return {"welds": welds, "same_results": here.results_sha256 == there.results_sha256, "address": address}
 
     def network(self) -> dict[str, Any]:
-        """The plan for a million welds on 64 workers, from welds timed here."""
+        """Estimate a million welds on 64 workers, from welds timed here."""
         expected = self._expected(_KERNEL_WELDS, 64, of=1_000_000)
         low, about, high = expected.seconds
         return {
@@ -183,16 +183,16 @@ def _started(file: Path, out: Path, *options: str) -> Iterator[subprocess.Popen[
 
 @contextmanager
 def _watched(pid: int) -> Iterator[dict[str, float]]:
-    """The largest peak memory in MB of the client and of a worker, while the body runs."""
+    """Yield the largest memory in MB of the client and of a worker, updated while the body runs."""
     peaks, over = {"client": 0.0, "worker": 0.0}, threading.Event()
 
     def watch() -> None:
         while not over.wait(0.3):
             try:
                 client = psutil.Process(pid)
-                _note(peaks, "client", client)
+                _update_peak(peaks, "client", client)
                 for child in client.children(recursive=True):
-                    _note(peaks, "worker", child)
+                    _update_peak(peaks, "worker", child)
             except psutil.Error:
                 continue
 
@@ -205,12 +205,12 @@ def _watched(pid: int) -> Iterator[dict[str, float]]:
         thread.join()
 
 
-def _note(peaks: dict[str, float], who: str, process: psutil.Process) -> None:
-    peaks[who] = max(peaks[who], round(process.memory_info().rss / 1e6, 1))
+def _update_peak(peaks: dict[str, float], role: str, process: psutil.Process) -> None:
+    peaks[role] = max(peaks[role], round(process.memory_info().rss / 1e6, 1))
 
 
 def _rate(out: Path, welds: int, workers: int) -> float:
-    """Welds a second from when each worker has finished a batch until the last is finished."""
+    """Return welds a second from when each worker has finished a batch until the last is finished."""
     done = sorted((out / batch_records.FOLDER).glob("*.json"), key=lambda path: path.stat().st_mtime)
     first = sum(msgspec.json.decode(path.read_bytes())["welds"] for path in done[:workers])
     return float((welds - first) / max(done[-1].stat().st_mtime - done[workers - 1].stat().st_mtime, 1e-9))
@@ -244,7 +244,7 @@ def _kill_client(process: subprocess.Popen[bytes]) -> None:
 
 
 @contextmanager
-def _dask_apart(folder: Path) -> Iterator[str]:
+def _own_scheduler(folder: Path) -> Iterator[str]:
     address_file = folder / f"scheduler-{hashlib.sha256(str(time.time()).encode()).hexdigest()[:8]}.json"
     dask = [sys.executable, "-m", "dask"]
     scheduler = [*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard",
@@ -264,23 +264,23 @@ def _dask_apart(folder: Path) -> Iterator[str]:
 
 
 def _bare(processes: int) -> float:
-    """Welds a second that so many processes roll when they do nothing else."""
+    """Return welds a second that so many processes simulate when they do nothing else."""
     with get_context("spawn").Pool(processes) as pool:
-        return sum(pool.map(_roll, range(processes), chunksize=1))
+        return sum(pool.map(_kernel_rate, range(processes), chunksize=1))
 
 
-def _roll(part: int) -> float:
+def _kernel_rate(part: int) -> float:
     settings = simulation_settings(speeds_kmh=parse_speeds(_SPEEDS), positions=_POSITIONS)
     simulator = Simulator(settings, threads=1, curves=False)
     wheel_paths = [simulator.wheel_path(weld) for weld in synthetic_network.network(_KERNEL_WELDS, seed=1)]
 
-    def rolled(welds: list[Any]) -> None:
-        for _ in simulator.vehicle_track.peak_maps(welds, settings.speeds_kmh, settings.positions_m, low_passed=True):
+    def simulate(paths: list[Any]) -> None:
+        for _ in simulator.vehicle_track.peak_maps(paths, settings.speeds_kmh, settings.positions_m, low_passed=True):
             pass
 
-    rolled(wheel_paths[:8])
+    simulate(wheel_paths[:8])
     began = time.perf_counter()
-    rolled(wheel_paths)
+    simulate(wheel_paths)
     return len(wheel_paths) / (time.perf_counter() - began)
 
 
@@ -297,7 +297,7 @@ def main(
             "network": bench.network,
             "whole": lambda: bench.whole(welds),
             "scaling": lambda: bench.scaling(max(500, welds // 4)),
-            "apart": lambda: bench.apart(max(500, welds // 20)),
+            "apart": lambda: bench.own_scheduler(max(500, welds // 20)),
             "kills": lambda: bench.kills(kills),
             "growth": lambda: bench.growth([int(size) for size in growth.split(",")]),
         }

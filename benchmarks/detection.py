@@ -1,4 +1,4 @@
-"""Welds missed and false alarms on synthetic track: `python -m benchmarks.detection` prints the table.
+"""Count missed welds and false alarms on synthetic track: `python -m benchmarks.detection` prints the table.
 
 Each row is 1 km of roughness at a level over the ISO 3095 limit, with a weld about every 20 m: cosine dips or
 protrusions of one height, 80 to 500 mm long, or welds of the synthetic population as they are.
@@ -27,6 +27,8 @@ Weld = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True)
 class Outcome:
+    """Welds of a run that were missed, what was found beside them, and the median error of the centres found."""
+
     welds: int
     missed: int
     false_alarms: int
@@ -34,16 +36,18 @@ class Outcome:
 
     @property
     def missed_share(self) -> float:
+        """Share of the welds that was missed."""
         return self.missed / self.welds
 
 
 def cosine_welds(height_m: float, seed: int, count: int) -> list[Weld]:
-    """Negative heights are dips."""
+    """Return cosine dips (negative heights) or protrusions of random lengths."""
     lengths = np.random.default_rng(seed).uniform(0.08, 0.5, count)
     return [lambda x, length=length: cosine_dip(x, length, -height_m) for length in lengths]  # type: ignore[misc]
 
 
 def population_welds(making: Making, seed: int, count: int) -> list[Weld]:
+    """Return the first welds of one making of the synthetic population."""
     welds = (weld for weld in population(20 * count, seed) if weld.parameters.making == making)
 
     def shape(weld: SyntheticWeld) -> Weld:
@@ -52,8 +56,8 @@ def population_welds(making: Making, seed: int, count: int) -> list[Weld]:
     return [shape(weld) for weld in islice(welds, count)]
 
 
-def measured(level_db: float, welds: list[Weld], seed: int, length_m: float = LENGTH_M) -> Outcome:
-    """One weld in each spacing but the first, anywhere in its middle half."""
+def detection_outcome(level_db: float, welds: list[Weld], seed: int, length_m: float = LENGTH_M) -> Outcome:
+    """Detect welds in rough rail: one in each spacing but the first, anywhere in its middle half."""
     x = STEP_M * np.arange(round(length_m / STEP_M) + 1)
     z = rail_roughness(length_m, STEP_M, seed, level_db)
     shifts = np.random.default_rng(seed).uniform(-SPACING_M / 4, SPACING_M / 4, len(welds))
@@ -90,7 +94,7 @@ def main() -> None:
         cells = ""
         for level in LEVELS_DB:
             seed = 100 * number + round(level) + 10
-            outcome = measured(level, welds(seed), seed)
+            outcome = detection_outcome(level, welds(seed), seed)
             missed = f"{100 * outcome.missed_share:.0f} %" if outcome.welds else "-"
             cells += f"{missed:>8}{outcome.false_alarms * 1000 / LENGTH_M:9.0f}{1e3 * outcome.centre_error_m:5.0f}"
         print(f"{name:22}{cells}", flush=True)

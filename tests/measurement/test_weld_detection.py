@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.detection import cosine_welds, measured
+from benchmarks.detection import cosine_welds, detection_outcome
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement.rail_stream import KEPT_M, RailStream
 from weld_force_ros.measurement.roughness import rail_roughness
@@ -90,12 +90,12 @@ def test_too_short_a_stretch_tells_nothing():
 
 
 def test_roughness_alone_raises_few_alarms():
-    assert measured(0.0, [], seed=3).false_alarms <= 5
+    assert detection_outcome(0.0, [], seed=3).false_alarms <= 5
 
 
 @pytest.mark.parametrize("height_m", [0.3e-3, -0.3e-3])
 def test_large_welds_on_smooth_track_are_all_found(height_m: float):
-    outcome = measured(-6.0, cosine_welds(height_m, 4, 19), seed=4, length_m=400.0)
+    outcome = detection_outcome(-6.0, cosine_welds(height_m, 4, 19), seed=4, length_m=400.0)
     assert (outcome.missed, outcome.welds) == (0, 19)
     assert outcome.false_alarms <= 3
     assert outcome.centre_error_m < 0.03

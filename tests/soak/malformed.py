@@ -83,7 +83,7 @@ class DefectError(AssertionError):
 
 
 class Reading(NamedTuple):
-    """What became of one input: whether a plain parser gets through it, whether it was used, and judged."""
+    """Outcome of one input: a plain parser reads it, the package used it, it led to a verdict."""
 
     parsed: bool
     accepted: bool
@@ -91,7 +91,7 @@ class Reading(NamedTuple):
 
 
 class Kind(NamedTuple):
-    """A kind of input: valid ones, how they are spoilt beside anywhere, how they are read, its share in per cent."""
+    """A kind of input: valid seeds, mutations that keep its form, its reader, its share in per cent."""
 
     name: str
     seeds: Callable[[], list[bytes]]
@@ -104,7 +104,7 @@ class Kind(NamedTuple):
 
 
 def check_refusal(error: InputError) -> None:
-    """One printable line that says what is wrong and what to do."""
+    """Raise DefectError unless the error is one printable line with reason and remedy."""
     text = str(error)
     if len(text.splitlines()) != 1 or not text.isprintable():
         raise DefectError(f"not one printable line: {text[:300]!r}")
@@ -115,7 +115,7 @@ def check_refusal(error: InputError) -> None:
 
 
 def check_profile(x_m: list[float], z_m: list[float], sha256: str) -> None:
-    """The bounds of a weld profile; the last digits of a sum are let pass."""
+    """Raise DefectError unless a weld profile is within its bounds, but for the last digits of a sum."""
     slack = 1 + 1e-9
     steps = [after - before for before, after in itertools.pairwise(x_m)]
     rules = {
@@ -133,12 +133,12 @@ def check_profile(x_m: list[float], z_m: list[float], sha256: str) -> None:
 
 
 def _json_of(numbers: list[float]) -> str:
-    """The shortest decimals, in JSON as the contract hashes it."""
+    """Return the shortest decimals, in JSON as the contract hashes it."""
     return msgspec.json.encode([float(n) for n in numbers]).decode()
 
 
 def check_message(message: Message) -> None:
-    """It can be sent, holds finite numbers only, and reads back the same."""
+    """Raise DefectError unless a message can be sent, holds finite numbers only, and reads back the same."""
     data = encode(message)
     json.loads(data, parse_constant=_not_finite, parse_float=_finite)
     if decode(type(message), data) != message:
@@ -153,7 +153,7 @@ def check_message(message: Message) -> None:
 
 
 def check_same_numbers(message: Message, data: bytes) -> None:
-    """A second reader finds the same numbers in what was sent, also where a key stands twice."""
+    """Raise DefectError if a second reader finds other numbers in what was sent, e.g. where a key stands twice."""
     second = json.loads(data.decode())
     for name in message.__struct_fields__:
         values = getattr(message, name)
@@ -194,7 +194,7 @@ def _limits() -> AssessmentSettings:
 
 @lru_cache
 def _profile() -> WeldProfile:
-    """A short weld, so that mutations hit something else than samples too."""
+    """Return a short weld, so that mutations hit something else than samples too."""
     x_m = [i * 0.005 - 0.1 for i in range(41)]
     z_m = [-1e-4 * math.cos(math.pi * x / 0.2) ** 2 for x in x_m]
     digest = hashlib.sha256(f"[{_json_of(x_m)},{_json_of(z_m)}]".encode()).hexdigest()
@@ -320,7 +320,7 @@ def _recording(compression: CompressionType, chunked: bool) -> bytes:
 
 
 def read_message(kind: type[Message], data: bytes) -> Reading:
-    """As a node or the replay takes a message."""
+    """Read a message as a node or the replay does."""
     read_header(data.decode("utf-8", "replace"))
     try:
         message = decode(kind, data)
@@ -340,7 +340,7 @@ def _is_json(data: bytes) -> bool:
 
 
 def _use(message: Message, data: bytes) -> bool:
-    """Check a message that was accepted, and do with it what it is for; whether that gave a verdict."""
+    """Check and use a message that was accepted; return whether that gave a verdict."""
     check_message(message)
     try:
         match message:
@@ -365,7 +365,7 @@ def _use(message: Message, data: bytes) -> bool:
 
 
 def read_profile_file(form_of: Callable[[bytes], PlainForm | None], data: bytes) -> Reading:
-    """As `profile_node` takes a file."""
+    """Read a measurement file as `profile_node` does."""
     form = form_of(data)
     try:
         profile = profile_file.parse_profile(data, "measured.csv", form)
@@ -378,7 +378,7 @@ def read_profile_file(form_of: Callable[[bytes], PlainForm | None], data: bytes)
 
 
 def _holds_rows(data: bytes) -> bool:
-    """Whether the last line that is not a comment is made of one or two numbers."""
+    """Return whether the last line that is not a comment is made of one or two numbers."""
     try:
         lines = [line for line in data.decode("utf-8-sig").split("\n") if line.strip() and not line.startswith("#")]
         fields = lines[-1].replace(";", " ").replace("\t", " ")
@@ -397,17 +397,17 @@ def _no_form(_: bytes) -> None:
 
 
 def read_track(data: bytes) -> Reading:
-    """As a user's own track file is read."""
+    """Read a user's own track file."""
     return _read_file(data, "track.yaml", lambda path: track_file.load(str(path)))
 
 
 def read_limits(data: bytes) -> Reading:
-    """As a user's own limits are read; what is accepted must give a verdict or be refused."""
+    """Read a user's own limits; those that are accepted must give a verdict or be refused."""
     return _read_file(data, "limits.yaml", lambda path: _use(load_limits(path), data))
 
 
 def read_node_config(data: bytes) -> Reading:
-    """As `weld-force up --config` reads it."""
+    """Read node parameters as `weld-force up --config` does."""
     return _read_file(data, "config.yaml", read_parameter_file)
 
 
@@ -437,14 +437,14 @@ def _folder() -> Path:
 
 
 def read_recording(data: bytes) -> Reading:
-    """As the replay reads a file."""
+    """Read a recording as the replay does."""
     path = _folder() / "recording.mcap"
     path.write_bytes(data)
     return _read_bag(path)
 
 
 def read_bag_metadata(data: bytes) -> Reading:
-    """As the replay reads a folder with such a `metadata.yaml`."""
+    """Read a folder with such a `metadata.yaml` as the replay does."""
     folder = _folder() / "bag"
     folder.mkdir(exist_ok=True)
     (folder / "bag_0.mcap").write_bytes(_recordings()[1])
@@ -471,7 +471,7 @@ def _read_bag(path: Path) -> Reading:
 
 @lru_cache
 def _live_node() -> tuple[Any, type, list[Rejection]]:
-    """The messenger of a node that nobody hears, the type of its samples, and what it rejected."""
+    """Return the topics of a node without subscribers, the type of its samples, and its rejections."""
     import rclpy
     from rclpy.logging import LoggingSeverity
     from std_msgs.msg import String
@@ -485,7 +485,7 @@ def _live_node() -> tuple[Any, type, list[Rejection]]:
 
 
 def read_sample(data: bytes) -> Reading:
-    """As a live node takes a DDS sample: a message, or a Rejection is published."""
+    """Take a DDS sample as a live node does: as a message, or a Rejection is published."""
     from weld_force_ros.ros import qos
     from weld_force_ros.ros.contract_topics import SerializedMessage
 
@@ -575,7 +575,7 @@ class Failure(NamedTuple):
 
 @dataclass
 class Tally:
-    """What became of the inputs of one kind; times are of the processor."""
+    """Outcomes of the inputs of one kind; times are of the processor."""
 
     mutated: int = 0
     past_parsing: int = 0
@@ -586,7 +586,7 @@ class Tally:
     failures: list[Failure] = field(default_factory=list)
 
     def add(self, other: "Tally") -> None:
-        """Count in what another batch gave."""
+        """Add the outcomes of another job."""
         for name in ("mutated", "past_parsing", "refused", "accepted", "judged"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
         self.slowest_s = max(self.slowest_s, other.slowest_s)
@@ -603,7 +603,7 @@ class Job(NamedTuple):
 
 
 def malformed_input(kind: Kind, index: int, seed: int) -> bytes:
-    """One spoilt input, always the same."""
+    """Return one spoilt input, the same for the same seed."""
     rng = Random(f"{seed} {kind.name} {index}")  # noqa: S311
     return mutated(rng, _seeds(kind.name, kind.seeds), kind.keeping_form)
 
@@ -665,7 +665,7 @@ class _Reader:
         theirs.close()
 
     def read(self, job: Job) -> tuple[Tally, int] | Failure:
-        """What became of a job's inputs, and the memory used; a failure if the process died at one."""
+        """Return the outcomes of a job's inputs and the memory used; a failure if the process died at one."""
         self._current.value = -1
         self._connection.send(job)
         try:
@@ -679,7 +679,7 @@ class _Reader:
             return Failure(job.kind.name, index, _cause(self._process.exitcode or 0))
 
     def close(self) -> None:
-        """Let the process end."""
+        """End the process."""
         self._connection.send(None)
         self._end()
 
@@ -699,7 +699,7 @@ def _cause(exit_code: int) -> str:
 
 @dataclass
 class Report:
-    """What a run found."""
+    """Result of a run."""
 
     seed: int
     elapsed_s: float
@@ -708,7 +708,7 @@ class Report:
 
     @property
     def failures(self) -> list[Failure]:
-        """Of all kinds."""
+        """Failures of all kinds."""
         return [failure for tally in self.by_kind.values() for failure in tally.failures]
 
 

@@ -1,6 +1,6 @@
-"""Ways to spoil a valid input. Each takes a random source, the input and another valid one, and gives new bytes.
+"""Mutate a valid input. Each mutation takes a random source, the input and another valid one, and returns new bytes.
 
-Some strike anywhere, some keep the form (JSON, lines, records) so that what is behind the parser is reached too.
+Some change any byte, some keep the form (JSON, lines, records) so that the code behind the parser is reached too.
 """
 
 import hashlib
@@ -196,7 +196,7 @@ def state_otherwise(rng: Random, data: bytes, _: bytes) -> bytes:
 
 
 def change_column(rng: Random, data: bytes, _: bytes) -> bytes:
-    """Both numbers of every row scaled or offset, so that the rows stay well-formed."""
+    """Scale or offset both numbers of every row, so that the rows stay well-formed."""
     column, factor, offset = rng.randrange(2), rng.choice((1.0, *_FACTORS)), rng.choice((0.0, 0.0, 1.0, -1e3, 1e9))
 
     def changed(row: re.Match[bytes]) -> bytes:
@@ -266,7 +266,7 @@ def _change_tree(
 
 
 def _seal(tree: dict[str, Any]) -> None:
-    """Make the content's hash right again, so that the checks behind it are reached."""
+    """Correct the hash of the content, so that the checks behind it are reached."""
     try:
         if "conditioning" in tree:
             samples = [list(map(float, tree["x_m"])), list(map(float, tree["z_m"]))]
@@ -321,7 +321,7 @@ def _scale_number(rng: Random, tree: dict[str, Any], _: dict[str, Any]) -> None:
 
 
 def _change_column(rng: Random, tree: dict[str, Any], _: dict[str, Any]) -> None:
-    """What goes wrong with measurements: units, order, offsets, samples lost or repeated, one sample off."""
+    """Make an error of measurement: units, order, offsets, samples lost or repeated, one sample off."""
     columns = [v for v in tree.values() if isinstance(v, list) and v and all(isinstance(e, float | int) for e in v)]
     if not columns:
         return
@@ -359,7 +359,7 @@ _KEEPING_JSON = (
 
 
 def repeat_key(rng: Random, data: bytes, other: bytes) -> bytes:
-    """One key twice: readers differ in which they take."""
+    """Repeat a key: readers differ in which value they take."""
     key = rng.choice(
         (b"x_m", b"profile_sha256", b"schema_version", b"sequence", b"weld_id", b"peak_force_n", b"limits")
     )
@@ -375,7 +375,7 @@ JSON: tuple[Mutation, ...] = (*(partial(_change_tree, change) for change in _KEE
 
 
 def _records(data: bytes) -> list[tuple[int, bytes]]:
-    """(opcode, content) of an intact MCAP file; of a spoilt one as far as that goes."""
+    """Return (opcode, content) of an MCAP file, of a spoilt one as far as it can be read."""
     records, at = [], len(MCAP0_MAGIC)
     while at + 9 <= len(data) - len(MCAP0_MAGIC):
         opcode, size = struct.unpack_from("<BQ", data, at)
@@ -423,7 +423,7 @@ def change_records(rng: Random, data: bytes, other: bytes) -> bytes:
 
 
 def claim_size(rng: Random, data: bytes, other: bytes) -> bytes:
-    """A length field that promises more than there is, or less."""
+    """Change a length field to more or less than there is."""
     size = rng.choice((0, 1, 2**16, 2**26, 2**31, 2**32 - 1, 2**63 - 1, 2**63, 2**64 - 1))
     at, records = len(MCAP0_MAGIC), _records(data)
     if not records:
@@ -437,7 +437,7 @@ def claim_size(rng: Random, data: bytes, other: bytes) -> bytes:
 
 
 def repack_chunk(rng: Random, data: bytes, other: bytes) -> bytes:
-    """Spoilt records in a chunk with the right checksum, or a chunk that is not what it says."""
+    """Spoil records in a chunk with the right checksum, or make a chunk that contradicts its header."""
     records = [r for r in _records(data) if r[0] in (1, 3, 4, 5)]
     if not records:
         return flip_bits(rng, data, other)
@@ -449,7 +449,7 @@ def repack_chunk(rng: Random, data: bytes, other: bytes) -> bytes:
 
 
 def add_bomb(rng: Random, data: bytes, _: bytes) -> bytes:
-    """A small chunk that inflates to something large."""
+    """Make a small chunk that inflates to something large."""
     if rng.random() < 0.9:  # slow to make
         return change_records(rng, data, data)
     size, byte = rng.choice((2**20, 2**24, 2**26 + 1)), rng.choice((b"\x00", b"\x05", b"a"))
@@ -457,7 +457,7 @@ def add_bomb(rng: Random, data: bytes, _: bytes) -> bytes:
 
 
 def redefine_type(rng: Random, data: bytes, other: bytes) -> bytes:
-    """Another definition under a type's name, of the same length."""
+    """Write another definition of the same length under a type's name."""
     texts = (
         b"int32 data\n",
         b"string dat\n",
@@ -510,7 +510,7 @@ CDR: tuple[Mutation, ...] = (
 
 
 def mutated(rng: Random, seeds: list[bytes], keeping_form: tuple[Mutation, ...]) -> bytes:
-    """One valid input after one to three mutations, most of which keep its form."""
+    """Return one valid input after one to three mutations, most of which keep its form."""
     data = rng.choice(seeds)
     for _ in range(rng.choice((1, 1, 1, 2, 3))):
         mutation = rng.choice(keeping_form if rng.random() < 0.65 else ANYWHERE)
