@@ -526,7 +526,7 @@ def test_shipped_profile_joins_the_rail_smoothly(name: str) -> None:
 
 
 def largest_jump_of_contact(heights_m: np.ndarray, x_m: np.ndarray) -> float:
-    """How far the contact point jumps at most while the wheel's centre advances by one step; a bridge is a jump."""
+    """Return the largest jump of the contact point while the wheel's centre advances by one step; a bridge is one."""
     s = x_m[None, :] - x_m[:, None]
     gap = heights_m[None, :] - (WHEEL_RADIUS_M - np.sqrt(np.maximum(WHEEL_RADIUS_M**2 - s**2, 0.0)))
     return float(np.diff(x_m[gap.argmax(axis=1)]).max())
