@@ -1,5 +1,6 @@
 """The rail by finite strips: alone, and on its supports."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from weld_force_ros.physics import threads
 from weld_force_ros.physics.track import waveguide_rail
 from weld_force_ros.physics.track.beam import (
     StripRail,
@@ -164,3 +166,20 @@ def test_rail_that_cannot_be_is_refused_with_one_line(old, new, said):
     with pytest.raises(track_file.TrackError, match=said) as caught:
         track_file.parse(text.replace(old, new, 1), "mine.yaml")
     assert "\n" not in str(caught.value)
+
+
+def test_the_given_number_of_threads_is_used_and_changes_nothing(bilbao, monkeypatch):
+    workers: list[int] = []
+    pool = threads.ThreadPoolExecutor
+
+    def noted(count: int) -> ThreadPoolExecutor:
+        workers.append(count)
+        return pool(count)
+
+    monkeypatch.setattr(threads, "ThreadPoolExecutor", noted)
+    track, frequency = with_strips(bilbao), np.array([31.0, 97.0, 411.0, 1733.0])
+    free_rail(track)  # made before
+    del workers[:]
+    found = [receptance(track, frequency, [0.0, 0.21], threads=count) for count in (1, 3)]
+    assert workers == [3]
+    np.testing.assert_array_equal(*found)

@@ -26,9 +26,8 @@ test_reference.py` halves step and grid, widens band and window, and holds each 
 stand there.
 """
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,6 +40,7 @@ from weld_force_ros.physics.passage.passage import History, checked_axis, checke
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import WheelPath
+from weld_force_ros.physics.threads import executor
 from weld_force_ros.physics.track import beam
 from weld_force_ros.physics.track.beam import Track, Waves
 
@@ -76,7 +76,7 @@ class _Responses:
 
 
 @dataclass(frozen=True)
-class _Rolled:
+class _Passage:
     """A passage in time steps, from the start of its window; `columns` is force, wheel, rail, positive down.
 
     `force_n` (n,) begins earlier, at rest.
@@ -89,10 +89,14 @@ class _Rolled:
 
 
 class GreensFunctionModel:
-    """A wheel on the exact track: the calls of `VehicleTrackModel`, some thousand times slower."""
+    """A wheel on the exact track: the calls of `VehicleTrackModel`, some thousand times slower.
 
-    def __init__(self, track: Track, wheel: Wheel) -> None:
+    `threads` as of `VehicleTrackModel`: they compute responses and passages, and the waves of a rail by strips.
+    """
+
+    def __init__(self, track: Track, wheel: Wheel, *, threads: int | None = None) -> None:
         self.track = track
+        self._threads = threads
         self.wheel = wheel
         self._physics = np.array([wheel.mass_kg, wheel.static_load_n, wheel.hertz_n_per_m15])
         self._remembered: dict[float, _Responses] = {}
@@ -122,7 +126,7 @@ class GreensFunctionModel:
         speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
         filters = len(lowpass.CUTOFFS_HZ) if low_passed else 0
         results = np.empty((len(wheel_paths), len(speeds), len(positions), 4 + filters))
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
+        with executor(self._threads) as pool:
             for row, speed in enumerate(speeds):
                 responses = self._responses(speed, pool)
 
@@ -145,21 +149,21 @@ class GreensFunctionModel:
         """As `VehicleTrackModel.history`."""
         speed, position = float(checked_speeds(speed_kmh)[0]), float(checked_axis("position", position_m)[0])
         span = self.track.spacing_m
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
+        with executor(self._threads) as pool:
             responses = self._responses(speed, pool)
         last = max(position + wheel_path.end_m + span, until_m)
         rolled = self._roll(responses, wheel_path, position, position + wheel_path.start_m - span, last)
         force, wheel, rail = rolled.columns.T
         return History(rolled.x_m, force, -wheel, -rail, rolled.irregularity_m)
 
-    def _over(self, responses: _Responses, wheel_path: WheelPath, speed_kmh: float, position_m: float) -> _Rolled:
+    def _over(self, responses: _Responses, wheel_path: WheelPath, speed_kmh: float, position_m: float) -> _Passage:
         first, last = position_m + wheel_path.start_m, position_m + wheel_path.end_m
         last += max(self.track.spacing_m, RUN_OUT_S * speed_kmh / 3.6)
         return self._roll(responses, wheel_path, position_m, first, last)
 
     def _roll(
         self, responses: _Responses, wheel_path: WheelPath, position_m: float, first_m: float, last_m: float
-    ) -> _Rolled:
+    ) -> _Passage:
         step_m = self.track.spacing_m / responses.grid
         memory, settling = responses.rows.shape[1], int(np.ceil(LEAD_IN_S / responses.dt))
         first = int(np.floor(first_m / step_m))
@@ -172,9 +176,9 @@ class GreensFunctionModel:
             responses.dt, columns,
         )  # fmt: skip
         shown = slice(settling + memory, None)
-        return _Rolled(x[shown], irregularity[shown], columns[shown], columns[:, 0])
+        return _Passage(x[shown], irregularity[shown], columns[shown], columns[:, 0])
 
-    def _responses(self, speed_kmh: float, pool: ThreadPoolExecutor) -> _Responses:
+    def _responses(self, speed_kmh: float, pool: Executor) -> _Responses:
         """Remembered: who checks one weld after the other does so at a few speeds."""
         responses = self._remembered.get(speed_kmh)
         if responses is None:
@@ -183,7 +187,7 @@ class GreensFunctionModel:
             responses = self._remembered[speed_kmh] = self._followed(speed_kmh, pool)
         return responses
 
-    def _followed(self, speed_kmh: float, pool: ThreadPoolExecutor) -> _Responses:
+    def _followed(self, speed_kmh: float, pool: Executor) -> _Responses:
         span, speed = self.track.spacing_m, speed_kmh / 3.6
         node_count = round(span / NODE_M)
         every = max(1, int(np.ceil(span / node_count / min(speed * STEP_S, STEP_M))))
@@ -191,7 +195,7 @@ class GreensFunctionModel:
         dt = span / grid / speed
         nodes = every * np.arange(1 if self.track.continuous else node_count)
         lag = dt * np.arange(int(0.95 * MEMORY_S / dt))
-        spectrum = _Spectrum(self.track, dt)
+        spectrum = _Spectrum(self.track, dt, self._threads)
         at = span / grid * np.arange(grid)
         tables = [
             part for array in (spectrum.shape(at).transpose(1, 0, 2), spectrum.multiplier) for part in _parts(array)
@@ -216,13 +220,13 @@ class GreensFunctionModel:
 class _Spectrum:
     """The track's waves and the pulse's weight at every frequency of the sum, zero included."""
 
-    def __init__(self, track: Track, dt: float) -> None:
+    def __init__(self, track: Track, dt: float, threads: int | None) -> None:
         self.track, self.dt = track, dt
         self.alpha = _WINDOW / MEMORY_S if track.causal else 0.0
         moving = 2 * np.pi * np.arange(1, int(BAND_HZ * MEMORY_S) + 1) / MEMORY_S
         self.omega = np.append(0.0, moving)
-        self._moving = beam.waves(track, moving - 1j * self.alpha)
-        self._resting = self._at_rest()
+        self._moving = beam.waves(track, moving - 1j * self.alpha, threads=threads)
+        self._resting = self._at_rest(threads)
         self.multiplier = np.concatenate([self._resting.multiplier, self._moving.multiplier], axis=1)
         self.strength = np.concatenate([self._resting.strength, self._moving.strength], axis=1)
         taper = np.clip((BAND_HZ - self.omega / (2 * np.pi)) / (0.2 * BAND_HZ), 0.0, 1.0)
@@ -233,11 +237,11 @@ class _Spectrum:
     def shape(self, x_m: FloatArray) -> ComplexArray:
         return np.concatenate([self._resting.shape(x_m), self._moving.shape(x_m)], axis=2)
 
-    def _at_rest(self) -> Waves:
+    def _at_rest(self, threads: int | None) -> Waves:
         if self.alpha == 0.0:
-            return beam.static_waves(self.track)
+            return beam.static_waves(self.track, threads=threads)
         lossless_rail = replace(self.track, rail=replace(self.track.rail, loss_factor=0.0))
-        return beam.waves(lossless_rail, np.array([-1j * self.alpha]))
+        return beam.waves(lossless_rail, np.array([-1j * self.alpha]), threads=threads)
 
     def jump(self, lag: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Response to the pulse of a / (i omega + b), a the rail's jump in velocity: as the sum has it, and exactly."""
@@ -250,7 +254,7 @@ class _Spectrum:
         return in_band, exact
 
 
-def _peak(rolled: _Rolled, dt: float) -> tuple[float, float, float, float]:
+def _peak(rolled: _Passage, dt: float) -> tuple[float, float, float, float]:
     """Peak force, its place, least force and contact loss."""
     force = rolled.columns[:, 0]
     n = int(np.argmax(force[1:-1])) + 1
@@ -262,7 +266,7 @@ def _peak(rolled: _Rolled, dt: float) -> tuple[float, float, float, float]:
     return float(top - 0.25 * (before - after) * offset), float(place), float(force.min()), loss
 
 
-def _greatest_low_passed(rolled: _Rolled, dt: float) -> FloatArray:
+def _greatest_low_passed(rolled: _Passage, dt: float) -> FloatArray:
     """(n_filter,)."""
     return np.asarray(lowpass.low_passed(rolled.force_n, dt)[:, -len(rolled.x_m) :].max(axis=1))
 

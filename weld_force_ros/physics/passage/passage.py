@@ -1,6 +1,5 @@
 """Passages of a wheel over a weld on a fitted track, checked: their peaks over speed and position, or one in full."""
 
-import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sized
 from concurrent.futures import Future
@@ -15,11 +14,12 @@ from weld_force_ros.errors import InputError, NumericalError
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage import _scalar_passage
 from weld_force_ros.physics.passage.batch import TRANSIENT_WINDOW_S
-from weld_force_ros.physics.passage.peak_map import TOLERANCE, PeakMap, PeakMapSolver, executor
+from weld_force_ros.physics.passage.peak_map import TOLERANCE, PeakMap, PeakMapSolver
 from weld_force_ros.physics.passage.state_space import StateModel
 from weld_force_ros.physics.passage.steady_state import SteadyStateSolver
 from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import WheelPath
+from weld_force_ros.physics.threads import executor, thread_count
 
 _MOST_REMEMBERED = 64  # speeds, half a megabyte each
 _TOGETHER = 8  # welds
@@ -62,7 +62,7 @@ class VehicleTrackModel:
         self.model = model
         self.wheel = wheel
         self.solver = SteadyStateSolver(model, wheel)
-        self._threads = threads or os.cpu_count() or 1
+        self._threads = thread_count(threads)
         # Histories are asked for at many positions of one speed.
         self._in_shortest_steps = lru_cache(_MOST_REMEMBERED)(lambda speed_kmh: self.solver.steady_state(speed_kmh, 1))
         self._surfaces = PeakMapSolver(self.solver)

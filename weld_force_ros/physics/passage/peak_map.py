@@ -9,9 +9,8 @@ that a passage is rolled in.
 
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +21,7 @@ from weld_force_ros.physics.passage.batch import Batch, make_batch, passage_star
 from weld_force_ros.physics.passage.lowpass import CUTOFFS_HZ
 from weld_force_ros.physics.passage.steady_state import SteadyStateSolver
 from weld_force_ros.physics.passage.wheel_path import WheelPath
+from weld_force_ros.physics.threads import executor
 
 TOLERANCE = 5e-4  # of the peak force
 _ESTIMATE = 1 / 12  # of the second difference: a linear force's mean distance from a parabola, over a step
@@ -127,23 +127,6 @@ class PeakMapSolver:
                     self._remembered.clear()
                 self._remembered[key] = batch
         return batch
-
-
-def executor(threads: int) -> Executor:
-    """That many threads; the calling one if it is to be one."""
-    return ThreadPoolExecutor(threads) if threads > 1 else _Here()
-
-
-class _Here(Executor):
-    """Everything at once, on the calling thread."""
-
-    def submit(self, work: Callable[..., Any], /, *arguments: Any, **named: Any) -> "Future[Any]":
-        future: Future[Any] = Future()
-        try:
-            future.set_result(work(*arguments, **named))
-        except Exception as error:  # for whoever asks for the result
-            future.set_exception(error)
-        return future
 
 
 def _finer(stride: int, results: FloatArray, tolerance: float) -> NDArray[np.int64]:

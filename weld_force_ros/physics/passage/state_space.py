@@ -71,7 +71,7 @@ def first_order_hold(poles: ComplexArray, dt_s: float | FloatArray) -> tuple[Com
 def exponentials(matrices: FloatArray) -> FloatArray:
     """Return the exponentials of many small matrices, (n, m, m): Taylor series of degree 13, scaling and squaring.
 
-    `scipy.linalg.expm` takes them one by one, a hundred times slower.
+    `scipy.linalg.expm` agrees to rounding but takes them one by one: tables of `rfp` over 30 times slower (SciPy 1.17).
     """
     norm = float(np.abs(matrices).sum(axis=2).max())
     halvings = max(0, int(np.ceil(np.log2(max(norm, 1e-300) / 0.5))))

@@ -129,29 +129,33 @@ class Track:
         return np.asarray(self.ballast.dynamic_stiffness(omega) - self.sleeper_mass_kg * omega**2)
 
 
-def receptance(track: Track, frequency_hz: ArrayLike, at_m: ArrayLike) -> ComplexArray:
-    """Point receptance of the rail, m/N.
+def receptance(track: Track, frequency_hz: ArrayLike, at_m: ArrayLike, *, threads: int | None = None) -> ComplexArray:
+    """Return the point receptance of the rail, m/N.
 
     Args:
         track: the track.
         frequency_hz: (n_frequency,), positive.
         at_m: (n_at,), metres after a sleeper; any real number.
+        threads: see `waves`.
 
     Returns:
         (n_at, n_frequency).
     """
     at = np.atleast_1d(np.asarray(at_m, dtype=np.float64))
-    return transfer_receptance(track, frequency_hz, at, at)
+    return transfer_receptance(track, frequency_hz, at, at, threads=threads)
 
 
-def transfer_receptance(track: Track, frequency_hz: ArrayLike, at_m: ArrayLike, force_at_m: ArrayLike) -> ComplexArray:
-    """Receptance of the rail at `at_m` to a force at `force_at_m`, m/N.
+def transfer_receptance(
+    track: Track, frequency_hz: ArrayLike, at_m: ArrayLike, force_at_m: ArrayLike, *, threads: int | None = None
+) -> ComplexArray:
+    """Return the receptance of the rail at `at_m` to a force at `force_at_m`, m/N.
 
     Args:
         track: the track.
         frequency_hz: (n_frequency,), positive.
         at_m: (n_at,), metres, 0 at a sleeper.
         force_at_m: (n_at,) or scalar, metres in the same coordinate.
+        threads: see `waves`.
 
     Returns:
         (n_at, n_frequency).
@@ -160,7 +164,7 @@ def transfer_receptance(track: Track, frequency_hz: ArrayLike, at_m: ArrayLike, 
     at, force_at = np.broadcast_arrays(
         np.atleast_1d(np.asarray(at_m, dtype=np.float64)), np.asarray(force_at_m, dtype=np.float64)
     )
-    return _response(waves(track, omega), at, force_at)
+    return _response(waves(track, omega, threads=threads), at, force_at)
 
 
 def static_compliance(track: Track, at_m: ArrayLike) -> FloatArray:
@@ -230,35 +234,38 @@ class Waves(Protocol):
         """The waves that decay towards +x: (n_wave, n_x, n_frequency)."""
 
 
-def waves(track: Track, omega: FloatArray | ComplexArray) -> Waves:
-    """A track's waves at angular frequencies `omega` (n_frequency,), rad/s, real part positive or zero."""
+def waves(track: Track, omega: FloatArray | ComplexArray, *, threads: int | None = None) -> Waves:
+    """Return a track's waves.
+
+    Args:
+        track: the track.
+        omega: (n_frequency,), rad/s, real part positive or zero.
+        threads: that compute the waves of a rail by strips; one a core, if not given.
+    """
     if isinstance(track.rail, StripRail):
-        return _strip_waves(track, track.rail, omega)
+        # Remembered, as fits ask for the same frequencies again and again.
+        return _strip_waves(track, track.rail, np.asarray(omega, dtype=np.complex128).tobytes(), threads)
     if track.continuous:
         return _RailWaves(track.rail, omega, track.spacing_m, track.support_stiffness(omega) / track.spacing_m)
     return _FloquetWaves(track, omega)
 
 
-def _strip_waves(track: Track, rail: StripRail, omega: FloatArray | ComplexArray) -> Waves:
-    """Remembered, as fits ask for the same frequencies again and again."""
-    return _remembered_strip_waves(track, rail, np.asarray(omega, dtype=np.complex128).tobytes())
-
-
 @lru_cache(_MOST_REMEMBERED)
-def _remembered_strip_waves(track: Track, rail: StripRail, frequencies: bytes) -> Waves:
+def _strip_waves(track: Track, rail: StripRail, frequencies: bytes, threads: int | None) -> Waves:
     from weld_force_ros.physics.track.supported_rail import SupportedWaves, WavesAlong
 
     free, omega = rail.free, np.frombuffer(frequencies, dtype=np.complex128)
     if track.continuous:
-        return WavesAlong(free.waves(omega, track.support_stiffness(omega) / track.spacing_m), track.spacing_m)
+        foundation = track.support_stiffness(omega) / track.spacing_m
+        return WavesAlong(free.waves(omega, foundation, threads=threads), track.spacing_m)
     pad, below = track.pad.dynamic_stiffness(omega), track.stiffness_below_pad(omega)
-    return SupportedWaves(free.waves(omega), track.spacing_m, pad, below, track.pad_width_m)
+    return SupportedWaves(free.waves(omega, threads=threads), track.spacing_m, pad, below, track.pad_width_m)
 
 
-def static_waves(track: Track) -> Waves:
-    """The waves of a track at rest, where loss does not act: one frequency, next to zero."""
+def static_waves(track: Track, *, threads: int | None = None) -> Waves:
+    """Return the waves of a track at rest, where loss does not act: one frequency, next to zero; see `waves`."""
     hz = _STATIC_STRIP_HZ if isinstance(track.rail, StripRail) else _STATIC_HZ
-    return waves(track.undamped(), np.array([2 * np.pi * hz]))
+    return waves(track.undamped(), np.array([2 * np.pi * hz]), threads=threads)
 
 
 def _response(waves: Waves, at_m: FloatArray, force_at_m: FloatArray) -> ComplexArray:

@@ -49,18 +49,18 @@ class Acausal:
         return float(np.sqrt(np.sum(weight * np.abs((self.causal - self.exact) / seen) ** 2) / np.sum(weight)))
 
 
-def _receptance(track: Track, frequency: FloatArray, at_m: float) -> ComplexArray:
-    """Point receptance (n,); of a rail by strips, which takes milliseconds a frequency, between every few of them."""
+def _receptance(track: Track, frequency: FloatArray, at_m: float, threads: int | None) -> ComplexArray:
+    """Return the point receptance (n,); by strips, milliseconds a frequency, interpolated between every few."""
     if not isinstance(track.rail, StripRail):
         return np.asarray(beam.receptance(track, frequency, at_m)[0])
     knots = np.append(frequency[::_EVERY], frequency[-1])
-    return np.asarray(CubicSpline(knots, beam.receptance(track, knots, at_m)[0])(frequency))
+    return np.asarray(CubicSpline(knots, beam.receptance(track, knots, at_m, threads=threads)[0])(frequency))
 
 
-def acausal(track: Track, at_m: float) -> Acausal:
-    """Split the point receptance at `at_m` metres after a sleeper at the impulse."""
+def acausal(track: Track, at_m: float, *, threads: int | None = None) -> Acausal:
+    """Split the point receptance at `at_m` metres after a sleeper at the impulse; `threads` as of `beam.waves`."""
     frequency = _STEP_HZ * np.arange(int(_BAND_HZ / _STEP_HZ) + 1)
-    exact = np.append(beam.static_compliance(track, at_m) + 0j, _receptance(track, frequency[1:], at_m))
+    exact = np.append(beam.static_compliance(track, at_m) + 0j, _receptance(track, frequency[1:], at_m, threads))
     # The jump of the rail's velocity under a force falls as 1 / omega only: exactly causal, it stays out of the cut.
     jump = beam.velocity_jump(track.rail) / (2j * np.pi * frequency + _JUMP_DECAY_RAD_S)
     taper = 0.5 + 0.5 * np.cos(np.pi * np.clip(5 * frequency / _BAND_HZ - 4, 0.0, 1.0))

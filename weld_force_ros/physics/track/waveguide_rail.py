@@ -23,7 +23,6 @@ answer otherwise at higher frequencies is kept. Its size is `FreeRail.local_comp
 Loss is hysteretic and the same everywhere, which turns squared frequency and response by 1 + i eta.
 """
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -34,6 +33,7 @@ from scipy import sparse
 from threadpoolctl import threadpool_limits
 
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
+from weld_force_ros.physics.threads import executor
 from weld_force_ros.physics.track.cross_section import Matrices, Mesh, part_heights, rail_mesh
 from weld_force_ros.physics.track.outline import Dimensions, outline
 
@@ -245,17 +245,34 @@ class FreeRail:
         )
         return head, cross, foot
 
-    def waves(self, omega: FloatArray | ComplexArray, foundation: "ComplexArray | None" = None) -> FreeWaves:
-        """Waves at angular frequencies (n_frequency,), rad/s, with a foundation of the foot in N/m^2, if any."""
-        moving = self.moving(omega, foundation, self.steel.loss_factor)
+    def waves(
+        self,
+        omega: FloatArray | ComplexArray,
+        foundation: "ComplexArray | None" = None,
+        *,
+        threads: int | None = None,
+    ) -> FreeWaves:
+        """Return the waves at angular frequencies (n_frequency,), rad/s.
+
+        Args:
+            omega: (n_frequency,).
+            foundation: (n_frequency,), of the foot, N/m^2, if any.
+            threads: that frequencies are shared out to; one a core, if not given.
+        """
+        moving = self.moving(omega, foundation, self.steel.loss_factor, threads=threads)
         near, pair = moving._part(slice(_REACHING)), self._resting._part(slice(COUPLED - _REACHING))
         far, rest = moving._part(slice(_REACHING, None)), self._resting._part(slice(COUPLED - _REACHING, None))
         return near._with(pair)._with(far)._with(rest)
 
     def moving(
-        self, omega: FloatArray | ComplexArray, foundation: "ComplexArray | None" = None, loss_factor: float = 0.0
+        self,
+        omega: FloatArray | ComplexArray,
+        foundation: "ComplexArray | None" = None,
+        loss_factor: float = 0.0,
+        *,
+        threads: int | None = None,
     ) -> FreeWaves:
-        """As `waves`, with nothing subtracted."""
+        """Return the same with nothing subtracted."""
         loss = 1 + 1j * loss_factor
         squares = np.asarray(omega, dtype=np.complex128) ** 2 / loss
         founded = np.zeros_like(squares) if foundation is None else np.asarray(foundation) / loss
@@ -265,7 +282,7 @@ class FreeRail:
             chosen = np.argsort(decay.real, kind="stable")[:WAVES]
             return decay[chosen], self._problem.observed(vectors[:, chosen]), norm[chosen]
 
-        with threadpool_limits(limits=1), ThreadPoolExecutor() as pool:
+        with threadpool_limits(limits=1), executor(threads) as pool:
             found = list(pool.map(slowest, squares.tolist(), founded.tolist()))
         decay, observed, norm = (np.stack(parts, axis=-1) for parts in zip(*found, strict=True))
         return FreeWaves(decay, observed[0], observed[1], norm * loss)
