@@ -1,7 +1,7 @@
-"""The page itself: one HTML file that asks nothing of any network, or one that a server on the same machine feeds.
+"""The report as one HTML file that loads nothing from any network, or that a server on the same machine feeds.
 
-Everything a recording says goes into the page as JSON or as text, never as markup, and a Content-Security-Policy
-allows exactly the two scripts that stand here, by their hashes: should a name ever become markup, it still cannot run.
+All text of a recording goes into the page as JSON or as text, never as markup, and a Content-Security-Policy allows
+exactly two scripts, by their hashes: should a name ever become markup, it still cannot run.
 """
 
 import base64
@@ -29,16 +29,16 @@ def page(
     live: bool = False,
     newest: int | None = None,
 ) -> str:
-    """The page as HTML; the same for the same arguments.
+    """Return the page as HTML; the same for the same arguments.
 
     Args:
-        rows: of `weld_force_ros.report.row`, numbered from 1.
-        details: of `weld_force_ros.report.detail`, one for each row.
+        rows: of `table_row.row`, numbered from 1.
+        details: of `weld_detail.detail`, one for each row.
         title: of the page.
-        about: a line below it: where this comes from.
-        live: rows and details come from the server that the page is from: it asks for `rows?after=N` twice a second
-            and for `weld/N` when a weld is opened. Rows and details given are then shown at once and asked for no more.
-        newest: how many rows a live page keeps; None: all.
+        about: a line below the title, such as the source of the welds.
+        live: further rows and details come from the page's server: `rows?after=N` is requested twice a second, and
+            `weld/N` when a weld is opened whose details the page does not hold.
+        newest: number of rows that a live page keeps; None keeps all.
 
     Raises:
         InputError: plotly or jinja2 is not installed.
@@ -68,17 +68,17 @@ def self_contained(
     live: bool = False,
     **more: Any,
 ) -> str:
-    """A page of this look as HTML, with Plotly in it.
+    """Return a page with the report's styles and Plotly in it as HTML.
 
     Args:
-        template: of `report/assets`.
-        scripts: of the same, in the order of their use.
+        template: file in `report/assets`.
+        scripts: files in `report/assets`, in the order of their use.
         title: of the page.
-        about: a line below it.
-        facts: to be embedded as JSON, whatever they hold.
-        rows: likewise.
-        live: whether it may ask the server that it is from.
-        more: what else the template asks for; becomes text.
+        about: a line below the title.
+        facts: embedded as JSON, with any content.
+        rows: embedded as JSON, with any content.
+        live: the page may send requests to the server that it came from.
+        more: further variables of the template, inserted as text.
 
     Raises:
         InputError: plotly or jinja2 is not installed.
@@ -87,9 +87,11 @@ def self_contained(
         import jinja2
     except ImportError:
         raise _missing("jinja2") from None
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(_read), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
+    )
     script = _script(scripts)
-    return environment.from_string(_read(template)).render(
+    return environment.get_template(template).render(
         title=title,
         about=about,
         policy=_policy(script, live),
@@ -103,17 +105,14 @@ def self_contained(
 
 
 def _policy(script: str, live: bool) -> str:
-    scripts = " ".join(f"'sha256-{_sha256(text)}'" for text in (script, _plotly()))
+    hashes = (hashlib.sha256(text.encode()).digest() for text in (script, _plotly()))
+    scripts = " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in hashes)
     connect = "; connect-src 'self'" if live else ""
     # Plotly draws with styles on elements and puts maps into pictures of its own.
     return (
         f"default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; img-src data: blob:{connect}; "
         "base-uri 'none'; form-action 'none'"
     )
-
-
-def _sha256(text: str) -> str:
-    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
 @cache
@@ -147,5 +146,5 @@ def _read(name: str) -> str:
 
 
 def _safe_json(content: Any) -> str:
-    """JSON that stays inside its element: it holds no `<`, so neither an end tag nor a comment."""
+    """Encode as JSON without `<`, so that neither an end tag nor a comment of HTML can be in it."""
     return msgspec.json.encode(content).decode().replace("<", "\\u003c")
