@@ -17,7 +17,7 @@ from benchmarks.study import POSITIONS, SPEEDS
 from weld_force_ros.errors import WeldForceError
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.messages import Rejection, Verdict, profile_sha256
-from weld_force_ros.recording import replay
+from weld_force_ros.recording.recording import open_recording
 from weld_force_ros.simulation.settings import parse_speeds
 
 _PASSAGES = len(parse_speeds(SPEEDS)) * POSITIONS
@@ -167,7 +167,7 @@ class _Nodes:
 
     def look_for_lost(self) -> None:
         """Compare what was offered with what was judged and recorded."""
-        recorded = Counter(verdict.weld_id for verdict in replay.open_recording(self.bag).verdicts)
+        recorded = Counter(verdict.weld_id for verdict in open_recording(self.bag).verdicts)
         self.lost = {weld for weld in self.offered_s if weld not in self.judged_s or recorded[weld] != 1}
 
 

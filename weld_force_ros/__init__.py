@@ -47,8 +47,8 @@ if TYPE_CHECKING:
     from weld_force_ros.messages import Verdict as Verdict
     from weld_force_ros.messages import WeldMarker as WeldMarker
     from weld_force_ros.messages import WeldProfile as WeldProfile
-    from weld_force_ros.recording.replay import Recording as Recording
-    from weld_force_ros.recording.replay import open_recording as open_recording
+    from weld_force_ros.recording.recording import Recording as Recording
+    from weld_force_ros.recording.recording import open_recording as open_recording
     from weld_force_ros.recording.replay import replay as replay
     from weld_force_ros.simulation.settings import simulation_settings as simulation_settings
     from weld_force_ros.simulation.simulator import Simulator as Simulator
@@ -66,7 +66,8 @@ _NAMES_BY_MODULE = {
         "RailSurface", "Rejection", "Rules", "Settled", "SimulationSettings", "Uncertainty", "Verdict", "WeldMarker",
         "WeldProfile",
     ),
-    "recording.replay": ("Recording", "open_recording", "replay"),
+    "recording.recording": ("Recording", "open_recording"),
+    "recording.replay": ("replay",),
     "simulation.settings": ("simulation_settings",),
     "simulation.simulator": ("Simulator",),
 }  # fmt: skip

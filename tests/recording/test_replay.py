@@ -11,6 +11,7 @@ from weld_force_ros.errors import BagError
 from weld_force_ros.measurement.profile_file import find, read_profile
 from weld_force_ros.messages import TOPICS, Message, encode
 from weld_force_ros.recording import STRING, Recorder, replay, string_cdr
+from weld_force_ros.recording.recording import Recording, open_recording
 from weld_force_ros.simulation.settings import simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
 
@@ -24,13 +25,13 @@ def messages() -> list[Message]:
     return [settings, limits, profile, done.force_map, done.history, done.verdict]
 
 
-def recorded(folder: Path, messages: list[Message], *, damaged: bool = False) -> replay.Recording:
+def recorded(folder: Path, messages: list[Message], *, damaged: bool = False) -> Recording:
     with Recorder(folder / "bag") as recorder:
         for n, message in enumerate(messages):
             text = msgspec.json.encode(message).decode() if damaged else encode(message).decode()
             topic = "/left" + "/" + TOPICS[type(message)].name
             recorder.write(topic, STRING, string_cdr(text), log_time_ns=n, publish_time_ns=n)
-    return replay.open_recording(folder / "bag")
+    return open_recording(folder / "bag")
 
 
 def changed(messages: list[Message], kind: str, **fields: object) -> list[Message]:
@@ -40,7 +41,7 @@ def changed(messages: list[Message], kind: str, **fields: object) -> list[Messag
     ]
 
 
-def differences(recording: replay.Recording) -> list[str]:
+def differences(recording: Recording) -> list[str]:
     return [f"{r.kind}: {d}" for r in replay.replay(recording) for d in r.differences]
 
 
@@ -96,7 +97,7 @@ def test_a_bag_of_somebody_else_is_refused(tmp_path):
     with Recorder(tmp_path / "bag") as recorder:
         recorder.write("/chatter", STRING, string_cdr("hello"), log_time_ns=1, publish_time_ns=1)
     with pytest.raises(BagError, match="no message of this suite"):
-        replay.open_recording(tmp_path / "bag")
+        open_recording(tmp_path / "bag")
 
 
 def test_a_cut_bag_is_replayed_up_to_the_cut(tmp_path, messages):
@@ -104,7 +105,7 @@ def test_a_cut_bag_is_replayed_up_to_the_cut(tmp_path, messages):
     whole = (tmp_path / "bag" / "bag_0.mcap").read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[: int(len(whole) * 0.97)])
-    recording = replay.open_recording(cut)
+    recording = open_recording(cut)
     assert recording.damage
     assert differences(recording) == []
 

@@ -23,7 +23,7 @@ from weld_force_ros.messages import (
     profile_sha256,
 )
 from weld_force_ros.recording import STRING, Recorder, string_cdr
-from weld_force_ros.recording.replay import Recording, open_recording
+from weld_force_ros.recording.recording import Recording, open_recording
 from weld_force_ros.recording.what_if import NotComputed, read_change, what_if
 from weld_force_ros.simulation.settings import simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
@@ -208,7 +208,7 @@ def test_a_track_that_cannot_be_fitted_is_tried_once_and_said_for_every_weld(tmp
         tried.append(settings.track)
         raise NumericalError("no usable fit")
 
-    monkeypatch.setattr("weld_force_ros.recording.what_if.Simulator", refuse)
+    monkeypatch.setattr("weld_force_ros.recording.recomputation.Simulator", refuse)
     results = list(what_if(bag, read_change(track="bilbao-viscous")))
     assert results == [NotComputed(weld.weld_id, "no usable fit")] * 2
     assert tried == ["bilbao-viscous"]

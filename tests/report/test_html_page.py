@@ -17,7 +17,8 @@ from weld_force_ros.cli.main import main
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement.profile_file import find, read_profile
 from weld_force_ros.messages import encode
-from weld_force_ros.recording import replay, weld_records
+from weld_force_ros.recording import weld_records
+from weld_force_ros.recording.recording import Recording, open_recording
 from weld_force_ros.recording.weld_records import Record, WeldRecord
 from weld_force_ros.report import pdf as printing
 from weld_force_ros.report.html_page import page
@@ -165,7 +166,7 @@ def test_a_bag_becomes_a_page(capfd, tmp_path):
     code, lines, err = run(capfd, "report", str(BAG), "-o", str(out))
     assert (code, lines) == (0, [])
     assert "written" in err
-    verdicts = replay.open_recording(BAG).verdicts
+    verdicts = open_recording(BAG).verdicts
     rows = json.loads(re.search(r'id="rows">(.*?)</script>', out.read_text()).group(1))
     assert [(r["weld"], r["decision"]) for r in rows] == [(v.weld_id, v.decision) for v in verdicts]
 
@@ -195,11 +196,11 @@ def test_force_maps_alone_become_a_page(capfd, tmp_path):
 
 def test_maps_without_verdict_are_judged_and_rejections_stand_last(tmp_path):
     found = weld("weld-1-dip")
-    recording = replay.Recording(tmp_path, None)
+    recording = Recording(tmp_path, None)
     recording.force_maps.append(found.force_map)
     recording.histories.append(found.history)
     recording.rejections.append(unusable().rejection)
-    judged, refused = weld_records.recorded(recording, None, load_limits())
+    judged, refused = weld_records.records_of_recording(recording, None, load_limits())
     assert judged.verdict.decision == found.verdict.decision
     assert judged.history is found.history
     assert refused == unusable()

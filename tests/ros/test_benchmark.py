@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import nodes
-from weld_force_ros.recording import replay
+from weld_force_ros.recording.recording import Recording, open_recording
 
 
 @pytest.fixture(autouse=True)
@@ -23,13 +23,11 @@ def test_every_weld_is_counted_and_none_lost() -> None:
 
 
 def test_weld_without_a_recorded_verdict_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
-    def without_the_last(
-        bag: Path, read: Callable[[Path], replay.Recording] = replay.open_recording
-    ) -> replay.Recording:
+    def without_the_last(bag: Path, read: Callable[[Path], Recording] = open_recording) -> Recording:
         recording = read(bag)
         return replace(recording, verdicts=recording.verdicts[:-1])
 
-    monkeypatch.setattr(replay, "open_recording", without_the_last)
+    monkeypatch.setattr(nodes, "open_recording", without_the_last)
     assert nodes.sustained(seconds=0.5, welds_per_s=4.0)["sustained_lost"] == 2  # one of each run
 
 

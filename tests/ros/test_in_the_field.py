@@ -17,7 +17,8 @@ from tests.harness.ros import Outcomes, Probe, QuickSimulator, profile_text, wai
 from weld_force_ros.errors import BagError
 from weld_force_ros.measurement.profile_file import parse_profile
 from weld_force_ros.messages import ForceMap, Inquiry, Rejection, Settled, Verdict, WeldProfile, decode, encode
-from weld_force_ros.recording import open_bag, replay
+from weld_force_ros.recording import open_bag
+from weld_force_ros.recording.recording import open_recording
 from weld_force_ros.ros import contract_topics, qos
 from weld_force_ros.ros.diagnostics import NodeDiagnostics
 from weld_force_ros.ros.launcher import KINDS, Kind, NodeSuite
@@ -51,7 +52,7 @@ def welds(first: int, last: int) -> list[str]:
 
 
 def judged(bag: Path) -> Counter[str]:
-    return Counter(v.weld_id for v in replay.open_recording(bag).verdicts)
+    return Counter(v.weld_id for v in open_recording(bag).verdicts)
 
 
 def values_of(array: DiagnosticArray) -> dict[str, str]:
@@ -75,7 +76,7 @@ def test_node_that_joins_late_makes_good_what_it_missed(
             outcomes.wait(21)
     assert sorted(v.weld_id for v in outcomes.of(Verdict)) == welds(0, 20)
     assert judged(bag) == Counter(welds(0, 20))
-    assert len(replay.open_recording(bag).rejections) == 1
+    assert len(open_recording(bag).rejections) == 1
 
 
 def test_continued_bag_holds_every_outcome_once(domain_id: int, folder: Path, tmp_path: Path) -> None:
@@ -90,7 +91,7 @@ def test_continued_bag_holds_every_outcome_once(domain_id: int, folder: Path, tm
         assert sorted(v.weld_id for v in outcomes.of(Verdict)) == welds(5 * day, 5 * day + 5)
         assert [r.source for r in outcomes.of(Rejection)] == [f"bad-{day}.csv"]
     assert judged(bag) == Counter(welds(0, 15))
-    assert len(replay.open_recording(bag).rejections) == 3
+    assert len(open_recording(bag).rejections) == 3
     assert open_bag(bag).damage is None
 
 
@@ -144,7 +145,7 @@ def test_verdict_that_was_recorded_but_perhaps_not_sent_is_sent_as_it_was(
     with monkeypatch.context() as killed, suite(folder, bag) as first:
         killed.setattr(PublishedLedger, "settle", lambda *_: None)  # as if killed in between
         wait_until(lambda: first.nodes["assessment"].topics.sent(Verdict) == 1)
-    (recorded,) = replay.open_recording(bag).verdicts
+    (recorded,) = open_recording(bag).verdicts
     verdicts = probe.collect("verdict", String, qos.CONTRACT)
     with suite(folder, bag) as again:
         (message,) = verdicts.wait(1)
@@ -176,7 +177,7 @@ def test_two_simulators_by_mistake_make_one_verdict_each_and_are_named(
         (folder / "impossible.csv").write_text(profile_text(weld_id="impossible"))
         outcomes.wait(11)
     assert judged(bag) == Counter(welds(0, 10))
-    assert [r.source for r in replay.open_recording(bag).rejections] == ["impossible.csv"]
+    assert [r.source for r in open_recording(bag).rejections] == ["impossible.csv"]
 
 
 def test_second_assessment_node_cannot_write_the_same_bag(domain_id: int, folder: Path, tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ from weld_force_ros.cli.report import report
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
-    from weld_force_ros.recording.replay import Recording
+    from weld_force_ros.recording.recording import Recording
 
 _DEFAULT = "(default: the config's, else {})"
 OwnTrack = Annotated[str | None, typer.Option("--track", help=f"A track {_DEFAULT.format('bilbao')}.")]

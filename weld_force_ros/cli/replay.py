@@ -10,7 +10,7 @@ from weld_force_ros.cli.options import BagPath, Json, ros_module
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
-    from weld_force_ros.recording.replay import Recording
+    from weld_force_ros.recording.recording import Recording
     from weld_force_ros.recording.what_if import Changed
 
 
@@ -99,7 +99,7 @@ def _publish(
 
 def _compute(bag: Path, verify: bool, changes: dict[str, Any] | None, json: str | None) -> None:
     from weld_force_ros.cli import terminal
-    from weld_force_ros.recording.replay import open_recording
+    from weld_force_ros.recording.recording import open_recording
 
     recording = open_recording(bag)
     if recording.damage:
@@ -140,12 +140,12 @@ def _again(recording: "Recording", verify: bool, json: str | None) -> None:
 
 def _what_if(recording: "Recording", given: dict[str, Any], json: str | None) -> None:
     from weld_force_ros.cli import terminal
-    from weld_force_ros.recording.what_if import Changed, NotComputed, judged, read_change, what_if
+    from weld_force_ros.recording.what_if import Changed, NotComputed, latest_verdicts, read_change, what_if
 
     change = read_change(**given)
     changed, not_computed = [], []
     with json_output.lines(json) as out, terminal.progress() as bar:
-        task = bar.add_task("replaying", total=len(judged(recording)))
+        task = bar.add_task("replaying", total=len(latest_verdicts(recording)))
         for result in what_if(recording, change, on_result=lambda: bar.advance(task), on_fit=terminal.say):
             match result:
                 case Changed():

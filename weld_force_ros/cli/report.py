@@ -54,16 +54,16 @@ def _entries(of: Path, limits: "AssessmentSettings | None") -> "list[Record]":
     from weld_force_ros.assessment.limits import load_limits
     from weld_force_ros.cli import terminal
     from weld_force_ros.recording import weld_records
-    from weld_force_ros.recording.replay import open_recording
+    from weld_force_ros.recording.recording import open_recording
 
     if of.is_file() and of.suffix != ".mcap":
-        return weld_records.mapped(weld_records.read_maps(of), limits or load_limits())
+        return weld_records.records_of_maps(weld_records.read_maps(of), limits or load_limits())
     recording = open_recording(of)
     if recording.damage:
         terminal.say(f"{of}: {recording.damage}; reporting what is there")
     for unreadable in recording.unreadable:
         terminal.say(f"{of}: left out: {unreadable}")
-    entries = weld_records.recorded(recording, limits, load_limits())
+    entries = weld_records.records_of_recording(recording, limits, load_limits())
     if not entries:
         raise InputError(f"{of} holds no verdict, force map or rejection", "record with `weld-force up` or `demo`")
     return entries

@@ -55,15 +55,15 @@ def show(bag: BagPath, weld: Named = None, restrict: Restrict = None, json: Json
 def _read(bag: Path) -> "list[Record]":
     from weld_force_ros.assessment.limits import load_limits
     from weld_force_ros.cli import terminal
-    from weld_force_ros.recording.replay import open_recording
-    from weld_force_ros.recording.weld_records import recorded
+    from weld_force_ros.recording.recording import open_recording
+    from weld_force_ros.recording.weld_records import records_of_recording
 
     recording = open_recording(bag)
     if recording.damage:
         terminal.say(f"{bag}: {recording.damage}; showing what is there")
     for unreadable in recording.unreadable:
         terminal.say(f"{bag}: left out: {unreadable}")
-    entries = recorded(recording, None, load_limits())
+    entries = records_of_recording(recording, None, load_limits())
     if not entries:
         raise InputError(f"{bag} holds no verdict, force map or rejection", "record with `weld-force up` or `demo`")
     return entries

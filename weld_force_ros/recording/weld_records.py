@@ -1,4 +1,4 @@
-"""What the report is about: welds with all that is known of them, gathered from a recording or from force maps."""
+"""Welds with all that is known of them, from a recording or from force maps: what a report shows."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from weld_force_ros.messages import (
     WeldProfile,
     decode,
 )
-from weld_force_ros.recording.replay import Recording
+from weld_force_ros.recording.recording import Recording, simulation_key
 
 Grind = Callable[[WeldProfile, SimulationSettings, AssessmentSettings], GrindingAdvice]
 
@@ -47,20 +47,22 @@ class RejectedRecord:
 Record = WeldRecord | RejectedRecord
 
 
-def recorded(recording: Recording, limits: AssessmentSettings | None, fallback: AssessmentSettings) -> list[Record]:
-    """The welds of a recording in the order judged, then its rejections.
+def records_of_recording(
+    recording: Recording, limits: AssessmentSettings | None, fallback: AssessmentSettings
+) -> list[Record]:
+    """Return the welds of a recording in the order judged, then its rejections.
 
     Args:
-        recording: of the suite.
+        recording: what was recorded.
         limits: to judge every map anew with; None leaves recorded verdicts as they are.
         fallback: to judge maps with that have no verdict, where the recording holds no limits.
     """
-    maps = {(m.weld_id, m.profile_sha256, m.config_sha256): m for m in recording.force_maps}
-    histories = {(h.weld_id, h.profile_sha256, h.config_sha256): h for h in recording.histories}
+    maps = {simulation_key(force_map): force_map for force_map in recording.force_maps}
+    histories = {simulation_key(history): history for history in recording.histories}
     last_limits = next(reversed(recording.limits.values()), fallback)
 
     def weld(verdict: Verdict, by: AssessmentSettings | None) -> WeldRecord:
-        key = (verdict.weld_id, verdict.profile_sha256, verdict.config_sha256)
+        key = simulation_key(verdict)
         return WeldRecord(
             verdict=verdict,
             force_map=maps.get(key),
@@ -70,17 +72,17 @@ def recorded(recording: Recording, limits: AssessmentSettings | None, fallback: 
             limits=by,
         )
 
-    entries: list[Record] = []
+    records: list[Record] = []
     if limits is None:
-        entries += [weld(v, recording.limits.get(v.limits_sha256)) for v in recording.verdicts]
-    judged = {(v.weld_id, v.profile_sha256, v.config_sha256) for v in recording.verdicts} if limits is None else set()
+        records += [weld(v, recording.limits.get(v.limits_sha256)) for v in recording.verdicts]
+    judged = {simulation_key(verdict) for verdict in recording.verdicts} if limits is None else set()
     by = limits or last_limits
-    entries += [weld(judge(m, by), by) for key, m in maps.items() if key not in judged]
-    return entries + [RejectedRecord(r) for r in recording.rejections]
+    records += [weld(judge(m, by), by) for key, m in maps.items() if key not in judged]
+    return records + [RejectedRecord(r) for r in recording.rejections]
 
 
 def read_maps(path: Path) -> list[ForceMap]:
-    """Force maps from JSON lines, as `weld-force simulate --json FILE` writes them.
+    """Read force maps from JSON lines, as `weld-force simulate --json FILE` writes them.
 
     Raises:
         InputError: not readable, or a line is no force map.
@@ -106,45 +108,41 @@ def read_maps(path: Path) -> list[ForceMap]:
     return maps
 
 
-def mapped(maps: Sequence[ForceMap], limits: AssessmentSettings) -> list[Record]:
-    """Welds of which only the force map is known, judged now."""
+def records_of_maps(maps: Sequence[ForceMap], limits: AssessmentSettings) -> list[Record]:
+    """Return welds of which only the force map is known, judged now."""
     return [WeldRecord(verdict=judge(m, limits), force_map=m, limits=limits) for m in maps]
 
 
 def with_grinding(
-    entries: Sequence[Record],
+    records: Sequence[Record],
     grind: Grind,
     *,
     on_done: Callable[[], None],
     on_failed: Callable[[WeldRecord, WeldForceError], None],
 ) -> Iterator[Record]:
-    """The same entries, with advice on grinding for every weld that is not accepted and whose geometry is known.
+    """Yield the same records, with advice on grinding for each weld that is not accepted and has a known geometry.
 
     Args:
-        entries: of a recording.
+        records: of a recording.
         grind: finds the least grinding that brings a weld within limits.
-        on_done: called after each entry.
+        on_done: called after each record.
         on_failed: called for a weld of which no advice can be given; it stays as it was.
     """
-    for entry in entries:
-        advised = entry
-        if isinstance(entry, WeldRecord) and entry.verdict.decision != "accept":
+    for record in records:
+        advised = record
+        if isinstance(record, WeldRecord) and record.verdict.decision != "accept":
             try:
-                advised = _ground(entry, grind)
+                advised = _with_advice(record, grind)
             except WeldForceError as error:
-                on_failed(entry, error)
+                on_failed(record, error)
         yield advised
         on_done()
 
 
-def _ground(weld: WeldRecord, grind: Grind) -> WeldRecord:
+def _with_advice(weld: WeldRecord, grind: Grind) -> WeldRecord:
     if weld.profile is None or weld.settings is None or weld.limits is None:
         return weld
-    # A recording's profile may have been stated anew since; its line speed and place are those of the map.
-    return replace(weld, grinding=grind(_as_mapped(weld.profile, weld.force_map), weld.settings, weld.limits))
-
-
-def _as_mapped(profile: WeldProfile, force_map: ForceMap | None) -> WeldProfile:
-    if force_map is None:
-        return profile
-    return changed(profile, line_speed_kmh=force_map.line_speed_kmh, weld_position_m=force_map.weld_position_m)
+    profile, at = weld.profile, weld.force_map
+    if at is not None:  # the profile may have been stated anew since; its line speed and place are those of the map
+        profile = changed(profile, line_speed_kmh=at.line_speed_kmh, weld_position_m=at.weld_position_m)
+    return replace(weld, grinding=grind(profile, weld.settings, weld.limits))

@@ -10,7 +10,7 @@ from typing import Any
 
 from weld_force_ros.errors import InputError, WeldForceError, os_errors_as
 from weld_force_ros.measurement import profile_file
-from weld_force_ros.recording import replay
+from weld_force_ros.recording.recording import Recording, open_recording
 from weld_force_ros.ros import environment
 from weld_force_ros.ros.launcher import ALL_KINDS, KINDS, Kind, NodeSuite, stop_signals
 
@@ -26,7 +26,7 @@ class DemoResult:
     """The demo's bag, read back, how long each weld took from file to verdict, and how many messages were left."""
 
     bag: Path
-    recording: replay.Recording
+    recording: Recording
     seconds_to_verdict: dict[str, float]
     left: int
 
@@ -78,7 +78,7 @@ def run_demo(folder: Path, *, track: str, on_outcome: Callable[[str], None], tro
     if failure is not None:
         raise failure if isinstance(failure, WeldForceError) else WeldForceError(f"a node stopped: {failure}")
     seconds = {name: times.seconds[name] for name in times.since_s if name in times.seconds}
-    return DemoResult(bag, replay.open_recording(bag), seconds, left + max(0, expected - len(times.seconds)))
+    return DemoResult(bag, open_recording(bag), seconds, left + max(0, expected - len(times.seconds)))
 
 
 @dataclass

@@ -1,0 +1,90 @@
+"""A recording's profiles, settings, force maps and verdicts, sorted by kind."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from weld_force_ros.errors import BagError
+from weld_force_ros.messages import (
+    AssessmentSettings,
+    ForceHistory,
+    ForceMap,
+    Rejection,
+    SimulationSettings,
+    Verdict,
+    WeldProfile,
+)
+from weld_force_ros.recording.contract_messages import contract_messages
+from weld_force_ros.recording.reader import open_bag
+
+SimulationKey = tuple[str, str, str]
+"""Weld, profile and simulation settings: what force map, history and verdict share; see `simulation_key`."""
+
+
+@dataclass
+class Recording:
+    """The contract messages of a bag in log order.
+
+    Attributes:
+        path: the bag folder or .mcap file.
+        damage: what is wrong with its files, in a clause; None if nothing is.
+        profiles: by weld and `profile_sha256`, as two welds may have the same geometry.
+        settings: by `config_sha256`.
+        limits: by `limits_sha256`.
+        unreadable: an error for each message that breaks the contract.
+    """
+
+    path: Path
+    damage: str | None
+    profiles: dict[tuple[str, str], WeldProfile] = field(default_factory=dict)
+    settings: dict[str, SimulationSettings] = field(default_factory=dict)
+    limits: dict[str, AssessmentSettings] = field(default_factory=dict)
+    force_maps: list[ForceMap] = field(default_factory=list)
+    histories: list[ForceHistory] = field(default_factory=list)
+    verdicts: list[Verdict] = field(default_factory=list)
+    rejections: list[Rejection] = field(default_factory=list)
+    unreadable: list[BagError] = field(default_factory=list)
+
+    def welds_without_outcome(self) -> Iterator[str]:
+        """Yield the weld of each profile that has neither a verdict nor a rejection."""
+        judged = {(verdict.weld_id, verdict.profile_sha256) for verdict in self.verdicts}
+        rejected = {r.profile_sha256 for r in self.rejections if isinstance(r.profile_sha256, str)}
+        for weld_id, sha256 in self.profiles:
+            if sha256 not in rejected and (weld_id, sha256) not in judged:
+                yield weld_id
+
+
+def open_recording(path: Path) -> Recording:
+    """Read a bag folder or an .mcap file, intact or cut, and sort its messages by kind.
+
+    Raises:
+        BagError: not a readable bag, or one without a message of this package.
+    """
+    bag = open_bag(path)
+    recording = Recording(path, bag.damage)
+    for _, message, _ in contract_messages(bag):
+        match message:
+            case WeldProfile():
+                recording.profiles[message.weld_id, message.profile_sha256] = message
+            case SimulationSettings():
+                recording.settings[message.config_sha256] = message
+            case AssessmentSettings():
+                recording.limits[message.limits_sha256] = message
+            case ForceMap():
+                recording.force_maps.append(message)
+            case ForceHistory():
+                recording.histories.append(message)
+            case Verdict():
+                recording.verdicts.append(message)
+            case Rejection():
+                recording.rejections.append(message)
+            case BagError():
+                recording.unreadable.append(message)
+    if not (recording.profiles or recording.rejections or recording.force_maps or recording.unreadable):
+        raise BagError(f"{path} holds no message of this suite", "record with `weld-force up` or `weld-force demo`")
+    return recording
+
+
+def simulation_key(message: ForceMap | ForceHistory | Verdict) -> SimulationKey:
+    """Return the weld, profile and simulation settings that a message is about."""
+    return message.weld_id, message.profile_sha256, message.config_sha256
