@@ -1,4 +1,4 @@
-"""YAML as it is read everywhere: small files of plain content, into what they are declared to hold."""
+"""Read small YAML files of plain content as the type they are declared to hold."""
 
 from importlib.resources.abc import Traversable
 from typing import TypeVar
@@ -6,23 +6,23 @@ from typing import TypeVar
 import msgspec
 import yaml
 
-LONGEST = 65_536
-"""Bytes that a file can have."""
-_DEEPEST = 8
+MAX_BYTES = 65_536
+"""The size a file may have."""
+_MAX_DEPTH = 8
 
 T = TypeVar("T")
 
 
 def read(path: Traversable) -> bytes:
-    """The content of a YAML file, which is never read beyond the size that one can have.
+    """Return the content of a YAML file, of which no more than `MAX_BYTES` are read.
 
     Raises:
         OSError, ValueError: not readable, or too large.
     """
     with path.open("rb") as file:
-        data = file.read(LONGEST + 1)
-    if len(data) > LONGEST:
-        raise ValueError(f"over {LONGEST} bytes")
+        data = file.read(MAX_BYTES + 1)
+    if len(data) > MAX_BYTES:
+        raise ValueError(f"over {MAX_BYTES} bytes")
     return data
 
 
@@ -41,8 +41,8 @@ def decode(data: bytes, kind: type[T]) -> T:
             line = event.start_mark.line + 1 if event.start_mark else 1
             if isinstance(event, yaml.NodeEvent) and (event.anchor or getattr(event, "tag", None)):
                 raise ValueError(f"line {line}: anchors, aliases and tags are not read")
-            if depth > _DEEPEST:
-                raise ValueError(f"line {line}: nested deeper than {_DEEPEST} levels")
+            if depth > _MAX_DEPTH:
+                raise ValueError(f"line {line}: nested deeper than {_MAX_DEPTH} levels")
     except yaml.YAMLError as error:
         raise ValueError(str(error)) from None
     return msgspec.yaml.decode(data, type=kind)

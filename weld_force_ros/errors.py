@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 class WeldForceError(Exception):
-    """Anything this package refuses or fails at on purpose."""
+    """The base of all errors of this package."""
 
 
 class InputError(WeldForceError):
@@ -38,7 +38,7 @@ class TrackError(InputError):
 
 
 class MessageError(InputError):
-    """A message that does not keep the contract."""
+    """A message that breaks the contract."""
 
 
 class BagError(InputError):
@@ -46,11 +46,11 @@ class BagError(InputError):
 
 
 class DiskFullError(BagError):
-    """A message that was not recorded because the disk is full; it may be given again when there is room."""
+    """A message was not recorded because the disk is full; it may be written again when there is room."""
 
 
 class NumericalError(WeldForceError):
-    """A computation that did not give a usable number."""
+    """A computation that did not yield a usable number."""
 
 
 @contextmanager

@@ -11,7 +11,7 @@ EPOCH_NS = 1_700_000_000_000_000_000
 
 
 def record(directory: Path, messages: list[tuple[str, str, int]]) -> Path:
-    """A closed bag of strings: (topic, text, log time after the epoch)."""
+    """Record a closed bag of strings: (topic, text, log time after the epoch)."""
     with recording.Recorder(directory) as recorder:
         write(recorder, messages)
     return directory

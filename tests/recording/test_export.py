@@ -54,8 +54,8 @@ def test_export_validates_against_the_schemas_it_carries(tmp_path):
     sent = [("/weld_profile", profile(), 0), ("/rejection", with_unknown_field, 1), ("/rejection", "{}", 2)]
     directory = record(tmp_path / "run", sent)
     refused = []
-    report = recording.export_json(directory, tmp_path / "run.mcap", on_refused=refused.append)
-    assert (report.message_count, report.refused_count) == (2, 1)
+    report = recording.export_json(directory, tmp_path / "run.mcap", on_invalid=refused.append)
+    assert (report.message_count, report.invalid_count) == (2, 1)
     assert [f"/rejection at log time {EPOCH_NS + 2} ns" in str(error) for error in refused] == [True]
     assert check_export(tmp_path / "run.mcap") == 2
     with (tmp_path / "run.mcap").open("rb") as stream:
@@ -77,7 +77,7 @@ def test_export_of_nothing_leaves_no_file(tmp_path):
 
 def test_export_of_the_demo_is_read_by_others(tmp_path):
     report = recording.export_json(DEMO, tmp_path / "demo.mcap")
-    assert report.refused_count == 0
+    assert report.invalid_count == 0
     assert check_export(tmp_path / "demo.mcap") == report.message_count > 20
 
 
@@ -88,7 +88,7 @@ def test_export_of_the_demo_is_read_by_others(tmp_path):
 def exported(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("tables") / "demo"
     report = recording.export_tables(DEMO, folder, ["csv", "parquet"])
-    assert report.refused_count == 0
+    assert report.invalid_count == 0
     return folder
 
 
@@ -195,9 +195,9 @@ def test_outcomes_are_counted_by_measurement(tmp_path):
         ("/rejection", rejection("no profile at all"), 14),
         ("/rejection", "{", 15),
     ]
-    found = recording.outcomes(recording.open_bag(record(tmp_path / "run", sent)))
-    assert found == recording.Outcomes(measurements=4, verdicts=3, rejections=2, open=1, doubled=1)
-    assert recording.outcomes(recording.open_bag(record(tmp_path / "other", numbered(2)))) is None
+    found = recording.count_outcomes(recording.open_bag(record(tmp_path / "run", sent)))
+    assert found == recording.OutcomeCounts(measurements=4, verdicts=3, rejections=2, open=1, doubled=1)
+    assert recording.count_outcomes(recording.open_bag(record(tmp_path / "other", numbered(2)))) is None
 
 
 def changed(text: str, **fields: str) -> WeldProfile:

@@ -366,7 +366,7 @@ def test_unreadable_file_of_several_is_damage_and_alone_it_is_refused(tmp_path):
     (directory / "run_2.mcap").write_bytes(b"")
     found = recording.open_bag(directory)
     assert found.damage == f"run_1.mcap: claims a record of {HUGE} bytes; run_2.mcap is empty"
-    assert (found.lossy, found.tally.message_count) == (True, 3)
+    assert (found.lossy, found.statistics.message_count) == (True, 3)
     assert [r.content.data for r in recording.stored(directory)] == [text for _, text, _ in numbered(3)]
     with pytest.raises(BagError, match=f"claims a record of {HUGE} bytes"):
         list(recording.stored(directory / "run_1.mcap"))

@@ -329,24 +329,24 @@ def test_disk_is_announced_before_it_is_full_and_recording_goes_on_in_a_new_file
     now = Clock()
     with now.patched(), recording.Recorder(tmp_path / "run", reserve_bytes=60 * MB) as recorder:
         write(recorder, numbered(3))
-        assert (recorder.announcement, recorder.free_bytes) == (None, 10_000 * MB)
+        assert (recorder.disk_warning, recorder.free_bytes) == (None, 10_000 * MB)
         free(312 * MB)
-        assert re.fullmatch(r"disk nearly full: 312 MB free(, about \d+ min at this rate)?", recorder.announcement)
+        assert re.fullmatch(r"disk nearly full: 312 MB free(, about \d+ min at this rate)?", recorder.disk_warning)
         write(recorder, numbered(4)[3:])
         free(59 * MB)
         for _ in range(2):
             with pytest.raises(DiskFullError, match="run: disk full, 59 MB free; free 120 MB or more"):
                 write(recorder, [("/lost", "not recorded", 0)])
-        assert recorder.announcement == "disk full: 59 MB free, not recording"
+        assert recorder.disk_warning == "disk full: 59 MB free, not recording"
         # While it is full, the bag is whole and its metadata true.
         assert check_bag(tmp_path / "run") == {"/notes": 4}
         assert listed(tmp_path / "run") == {"run_0.mcap": 4}
         free(10_000 * MB)
         with pytest.raises(DiskFullError):  # it looks again only so often
             write(recorder, [("/lost", "not recorded", 0)])
-        now.pass_s(recorder_module.LOOK_AGAIN_S)
+        now.pass_s(recorder_module.CHECK_AGAIN_S)
         write(recorder, numbered(5)[4:])
-        assert recorder.announcement is None
+        assert recorder.disk_warning is None
     assert listed(tmp_path / "run") == {"run_0.mcap": 4, "run_1.mcap": 1}
     assert check_bag(tmp_path / "run") == {"/notes": 5}
     assert recording.summary(tmp_path / "run").indexed
@@ -357,7 +357,7 @@ def test_recording_may_begin_on_a_full_disk(tmp_path, free):
     with recording.Recorder(tmp_path / "run", reserve_bytes=2 * MB) as recorder:
         with pytest.raises(DiskFullError):
             write(recorder, numbered(1))
-        assert "disk full" in recorder.announcement
+        assert "disk full" in recorder.disk_warning
         free(1000 * MB)
         eventually(lambda: accepted(recorder, "first"))
     assert texts(tmp_path / "run") == ["first"]

@@ -12,7 +12,7 @@ from weld_force_ros.cli.options import BagPath, Json
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
-    from weld_force_ros.recording import FileSummary, Outcomes, RecoveryReport
+    from weld_force_ros.recording import FileSummary, OutcomeCounts, RecoveryReport
 
 app = typer.Typer(help="Look into, repair and export recordings.", rich_markup_mode=None)
 
@@ -25,10 +25,10 @@ Formats = Annotated[list[str] | None, typer.Option("--format", help="Of tables: 
 def bag_info(bag: BagPath, json: Json = None) -> None:
     """What a recording holds, what state it is in, and how its measurements ended."""
     from weld_force_ros.cli import terminal
-    from weld_force_ros.recording import open_bag, outcomes
+    from weld_force_ros.recording import count_outcomes, open_bag
 
     opened = open_bag(bag)
-    found, ended = opened.summary(), outcomes(opened)
+    found, ended = opened.summary(), count_outcomes(opened)
     with json_output.lines(json) as out:
         json_output.write(out, {**asdict(found), "outcomes": asdict(ended) if ended else None})
     terminal.table(
@@ -58,7 +58,7 @@ def _file_row(file: "FileSummary") -> tuple[str, ...]:
     )
 
 
-def _ended(ended: "Outcomes") -> str:
+def _ended(ended: "OutcomeCounts") -> str:
     return (
         f"{ended.measurements} profiles: {ended.verdicts} verdicts, {ended.rejections} rejections, "
         f"{ended.open} without either, {ended.doubled} with more than one"
@@ -100,9 +100,9 @@ def bag_export(bag: BagPath, target: Exported, formats: Formats = None) -> None:
     if target.suffix == ".mcap":
         if formats:
             raise InputError(f"--format {formats[0]} is of tables, {target} is none", "name a folder, or omit --format")
-        exported = export_json(bag, target, on_refused=_report_problem)
+        exported = export_json(bag, target, on_invalid=_report_problem)
     else:
-        exported = export_tables(bag, target, formats or ["csv"], on_refused=_report_problem)
+        exported = export_tables(bag, target, formats or ["csv"], on_invalid=_report_problem)
     terminal.say(f"{exported.message_count} messages exported to {target}")
     if exported.layouts:
         names = " or ".join(str(path) for path in exported.layouts)

@@ -7,11 +7,12 @@ Reading goes straight through the records and needs no index, so that an intact 
 one up to the cut.
 """
 
-from weld_force_ros.recording.contract_messages import ContractMessage, Outcomes, contract_messages, outcomes
+from weld_force_ros.recording.contract_messages import ContractMessage, OutcomeCounts, contract_messages, count_outcomes
 from weld_force_ros.recording.json_export import ExportReport, export_json
 from weld_force_ros.recording.mcap_reader import Recorded
 from weld_force_ros.recording.reader import Bag, FileSummary, Summary, TopicSummary, open_bag, stored, summary
 from weld_force_ros.recording.recorder import Recorder
+from weld_force_ros.recording.recording import Recording, open_recording
 from weld_force_ros.recording.recovery import RecoveryReport, recover
 from weld_force_ros.recording.rosbag2_format import STRING, MessageDefinition, offered_qos, string_cdr
 from weld_force_ros.recording.table_export import FORMATS, export_tables
@@ -24,18 +25,20 @@ __all__ = [
     "ExportReport",
     "FileSummary",
     "MessageDefinition",
-    "Outcomes",
+    "OutcomeCounts",
     "Recorded",
     "Recorder",
+    "Recording",
     "RecoveryReport",
     "Summary",
     "TopicSummary",
     "contract_messages",
+    "count_outcomes",
     "export_json",
     "export_tables",
     "offered_qos",
     "open_bag",
-    "outcomes",
+    "open_recording",
     "recover",
     "stored",
     "string_cdr",

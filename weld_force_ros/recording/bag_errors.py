@@ -1,4 +1,4 @@
-"""Errors about a recording's place: the disk's as BagError, and never overwriting."""
+"""Errors about where a recording is written: what the disk reports, and names that are taken."""
 
 from contextlib import AbstractContextManager
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Exchanging the files of a recording for compressed and indexed ones, one at a time in the background."""
+"""Replace the files of a recording by compressed and indexed ones, one at a time in the background."""
 
 import os
 import shutil
@@ -14,40 +14,40 @@ from weld_force_ros.recording.mcap_writer import write_mcap
 from weld_force_ros.recording.metadata_file import MetadataFile
 from weld_force_ros.recording.rosbag2_format import ChannelStatistics
 
-EVIDENCE = ".cut"
-"""What the name of a damaged file, kept beside what was readable of it, ends in."""
+DAMAGED = ".cut"
+"""The ending of the name of a damaged file, kept beside what was readable of it."""
 
 KEPT = "its messages are kept: check the disk, then run `weld-force bag recover` on it"
-"""What to do where a recording could not be completed."""
+"""The remedy where a recording could not be completed."""
 
 
 class Compactor:
-    """Exchanges files, each at once, so that at any moment a readable one lies there.
+    """Replaces files in the background, so that at any moment a readable one is there.
 
     A file for which there is no room stays as it is until it is tried again.
     """
 
-    def __init__(self, listing: MetadataFile, space: DiskSpace) -> None:
-        self._listing = listing
+    def __init__(self, metadata_file: MetadataFile, space: DiskSpace) -> None:
+        self._metadata_file = metadata_file
         self._space = space
         self._postponed: SimpleQueue[Path] = SimpleQueue()
         self._failures: SimpleQueue[BagError] = SimpleQueue()
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="compaction")
 
-    def take(self, path: Path) -> None:
-        """Exchange a file that is no longer written to."""
+    def submit(self, path: Path) -> None:
+        """Replace a file that is no longer written to, when its turn comes."""
         self._pool.submit(self._try, path)
 
-    def take_postponed(self) -> None:
-        """Try those again for which there was no room."""
+    def submit_postponed(self) -> None:
+        """Try the files again for which there was no room."""
         for _ in range(self._postponed.qsize()):
-            self.take(self._postponed.get())
+            self.submit(self._postponed.get())
 
     def close(self) -> None:
-        """Wait for what is under way.
+        """Wait until the submitted files are replaced.
 
         Raises:
-            BagError: a file could not be exchanged, for another reason than a full disk; its messages are kept.
+            BagError: a file could not be replaced, for another reason than a full disk; its messages are kept.
         """
         self._pool.shutdown(wait=True)
         if not self._failures.empty():
@@ -56,7 +56,7 @@ class Compactor:
     def _try(self, path: Path) -> None:
         try:
             if self._space.has_room_for(path.stat().st_size):
-                self._listing.put((path, _compacted(path)))
+                self._metadata_file.put((path, _compacted(path)))
             else:
                 self._postponed.put(path)
         except OSError as error:
@@ -72,18 +72,18 @@ def _compacted(path: Path) -> ChannelStatistics:
     file = McapFile(path)
     file.scan()
     if file.lost_bytes:
-        _keep_beside(path, path.with_name(f"{path.name}{EVIDENCE}"))
-    messages = iter(()) if file.refusal else file.ordered()
-    write_mcap(path, messages, file.tally)
-    return file.tally
+        _keep_damaged(path, path.with_name(f"{path.name}{DAMAGED}"))
+    messages = iter(()) if file.error else file.ordered()
+    write_mcap(path, messages, file.statistics)
+    return file.statistics
 
 
-def _keep_beside(path: Path, evidence: Path) -> None:
-    if evidence.exists():
+def _keep_damaged(path: Path, copy: Path) -> None:
+    if copy.exists():
         return
     try:
-        os.link(path, evidence)
+        os.link(path, copy)
         sync_folder(path.parent)
     except OSError:  # a file system without links
-        with whole_file(evidence, fsync=True) as target, path.open("rb") as source:
+        with whole_file(copy, fsync=True) as target, path.open("rb") as source:
             shutil.copyfileobj(source, target)

@@ -1,4 +1,4 @@
-"""The suite's own messages in a recording: read after the contract, and the outcomes among them counted."""
+"""The contract messages of a recording, decoded and checked, and a count of the outcomes among them."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from weld_force_ros.recording.rosbag2_format import STRING
 
 
 class ContractMessage(NamedTuple):
-    """A message of the suite, or what is wrong with it."""
+    """A contract message, or the error that says what is wrong with it."""
 
     topic: str
     message: Message | BagError
@@ -23,7 +23,7 @@ class ContractMessage(NamedTuple):
 
 
 def contract_messages(bag: Bag) -> Iterator[ContractMessage]:
-    """The suite's messages in log order, whatever namespace they were recorded in.
+    """Yield the contract messages in log order, whatever namespace they were recorded in.
 
     One that breaks the contract comes as a BagError in its place, so that the others are not lost.
     """
@@ -32,14 +32,14 @@ def contract_messages(bag: Bag) -> Iterator[ContractMessage]:
 
 
 def recorded_messages(bag: Bag) -> Iterator[tuple[Recorded, Message | BagError]]:
-    """As `contract_messages`, each with what it was recorded as."""
-    for recorded, kind in _of_suite(bag, TOPICS):
+    """Yield each contract message with the stored one; see `contract_messages`."""
+    for recorded, kind in _stored_messages(bag, TOPICS):
         yield recorded, _contract_message(recorded, kind)
 
 
-def _of_suite(bag: Bag, kinds: Collection[type[Message]]) -> Iterator[tuple[Recorded, type[Message]]]:
+def _stored_messages(bag: Bag, kinds: Collection[type[Message]]) -> Iterator[tuple[Recorded, type[Message]]]:
     by_name = {TOPICS[kind].name: kind for kind in kinds}
-    named = {topic for topic, _ in bag.tally.counts if topic.rpartition("/")[2] in by_name}
+    named = {topic for topic, _ in bag.statistics.counts if topic.rpartition("/")[2] in by_name}
     for recorded in bag.messages(named):
         if recorded.definition.name == STRING.name:
             yield recorded, by_name[recorded.topic.rpartition("/")[2]]
@@ -55,8 +55,8 @@ def _contract_message(recorded: Recorded, kind: type[Message]) -> Message | BagE
 
 
 @dataclass(frozen=True)
-class Outcomes:
-    """How the measurements of a recording ended.
+class OutcomeCounts:
+    """The numbers of measurements of a recording by how they ended.
 
     Attributes:
         measurements: profiles, each counted once however often it was recorded.
@@ -73,8 +73,8 @@ class Outcomes:
     doubled: int
 
 
-class _Entry(msgspec.Struct):
-    """What of a message tells which measurement it is about."""
+class _MeasurementIdentity(msgspec.Struct):
+    """The fields of a message that say which measurement it is about."""
 
     weld_id: str = ""
     profile_sha256: str = ""
@@ -82,11 +82,11 @@ class _Entry(msgspec.Struct):
 
 
 @dataclass
-class _Account:
+class _OutcomeCounter:
     profiles: dict[str, str] = field(default_factory=dict)
     settled: set[str] = field(default_factory=set)
     doubled: set[str] = field(default_factory=set)
-    refused_geometries: set[str] = field(default_factory=set)
+    rejected_geometries: set[str] = field(default_factory=set)
     verdicts: int = 0
     rejections: int = 0
 
@@ -95,7 +95,7 @@ class _Account:
             self.doubled.add(measurement)
         self.settled.add(measurement)
 
-    def enter(self, kind: type[Message], entry: _Entry) -> None:
+    def count(self, kind: type[Message], entry: _MeasurementIdentity) -> None:
         if kind is WeldProfile:
             self.profiles[identity(entry)] = entry.profile_sha256
         elif kind is Verdict:
@@ -106,27 +106,27 @@ class _Account:
             if isinstance(entry.profile_id, str):
                 self.settle(entry.profile_id)
             else:
-                self.refused_geometries.add(entry.profile_sha256)
+                self.rejected_geometries.add(entry.profile_sha256)
 
     def is_open(self, measurement: str, profile_sha256: str) -> bool:
-        return measurement not in self.settled and profile_sha256 not in self.refused_geometries
+        return measurement not in self.settled and profile_sha256 not in self.rejected_geometries
 
 
-def outcomes(bag: Bag) -> Outcomes | None:
-    """Count what became of the measurements; None for a bag without profile, verdict or rejection."""
-    account = _Account()
-    for recorded, kind in _of_suite(bag, (WeldProfile, Verdict, Rejection)):
+def count_outcomes(bag: Bag) -> OutcomeCounts | None:
+    """Count how the measurements ended; None for a bag without profile, verdict or rejection."""
+    counter = _OutcomeCounter()
+    for recorded, kind in _stored_messages(bag, (WeldProfile, Verdict, Rejection)):
         try:
-            entry = msgspec.json.decode(recorded.text, type=_Entry)
+            entry = msgspec.json.decode(recorded.text, type=_MeasurementIdentity)
         except (BagError, msgspec.DecodeError):
             continue  # what cannot be read settles nothing
-        account.enter(kind, entry)
-    if not (account.profiles or account.verdicts or account.rejections):
+        counter.count(kind, entry)
+    if not (counter.profiles or counter.verdicts or counter.rejections):
         return None
-    return Outcomes(
-        measurements=len(account.profiles),
-        verdicts=account.verdicts,
-        rejections=account.rejections,
-        open=sum(account.is_open(*profile) for profile in account.profiles.items()),
-        doubled=len(account.doubled),
+    return OutcomeCounts(
+        measurements=len(counter.profiles),
+        verdicts=counter.verdicts,
+        rejections=counter.rejections,
+        open=sum(counter.is_open(*profile) for profile in counter.profiles.items()),
+        doubled=len(counter.doubled),
     )

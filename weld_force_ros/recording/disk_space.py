@@ -1,4 +1,4 @@
-"""How much room is left on the disk of a recording, and for how long at the rate it grows."""
+"""The room left on the disk of a recording, and the time until it is full at the rate the recording grows."""
 
 import errno
 import math
@@ -9,7 +9,7 @@ from pathlib import Path
 
 NEARLY_FULL_BYTES = 512 * 10**6
 NEARLY_FULL_S = 600.0
-"""A disk is announced as nearly full below so many bytes, or with less room than for this time at the present rate."""
+"""Thresholds of the warning: bytes free, and the time for which there is room at the present rate."""
 
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 """The operating system's error numbers for a full disk, and for a user's full share of it."""
@@ -30,21 +30,21 @@ class DiskSpace:
 
     @property
     def free_bytes(self) -> int:
-        """What the folder's disk has free for this user; what it had last where it cannot be asked."""
+        """Return how much the folder's disk has free for this user, or had when it could last be read."""
         with suppress(OSError):  # a folder that is gone is found by who writes to it
             self._free_bytes = shutil.disk_usage(self._directory).free
         return self._free_bytes
 
     @property
     def rate_bytes_per_s(self) -> float:
-        """How fast the recording grew over the last minute or so."""
+        """Return how fast the recording grew over about the last minute."""
         now_s = time.monotonic()
         weight_s = _RATE_OVER_S * -math.expm1(-max(now_s - self._began_s, _SHORTEST_RATE_S) / _RATE_OVER_S)
         return self._decayed(now_s) / weight_s
 
     @property
     def nearly_full(self) -> str | None:
-        """That the disk will be full soon, in a clause; None while there is room."""
+        """Return a warning if the disk will be full soon, as a clause; None while there is room."""
         free_bytes, rate_bytes_per_s = self.free_bytes, self.rate_bytes_per_s
         if free_bytes >= max(NEARLY_FULL_BYTES, NEARLY_FULL_S * rate_bytes_per_s):
             return None
@@ -53,13 +53,13 @@ class DiskSpace:
         return f"{clause}, about {left_min:.0f} min at this rate" if left_min < 24 * 60 else clause
 
     def wrote(self, count: int) -> None:
-        """Note that the recording grew by so many bytes."""
+        """Count bytes by which the recording grew."""
         now_s = time.monotonic()
         self._written = self._decayed(now_s) + count
         self._written_s = now_s
 
     def has_room_for(self, count: int) -> bool:
-        """Whether so many bytes more would leave the reserve."""
+        """Return whether this many bytes more would leave the reserve free."""
         return self.free_bytes - count >= self.reserve_bytes
 
     def _decayed(self, now_s: float) -> float:

@@ -1,4 +1,4 @@
-"""Forcing a recording to the disk within 100 ms of each write, whether or not another write follows."""
+"""Force a recording to the disk within 100 ms of each write, whether or not another write follows."""
 
 import threading
 import time
@@ -6,11 +6,11 @@ import time
 from weld_force_ros.recording.mcap_writer import AppendFile
 
 SYNC_AFTER_S = 0.05
-"""How long writes are gathered before they are forced to the disk; what the disk needs comes on top."""
+"""The time for which writes are gathered before they are forced to the disk; the disk's own time is added."""
 
 
 class DiskSync:
-    """A thread that forces the file in its care to the disk."""
+    """A thread that forces one file, the one being written, to the disk."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()  # a file is not closed while it is being forced to the disk
@@ -25,17 +25,17 @@ class DiskSync:
 
     @property
     def longest_unsynced_s(self) -> float:
-        """How long a message waited at most, until now, from being written to being on the disk."""
+        """Return the longest time until now from a message being written to being on the disk."""
         since_s = self._waiting_since_s
         return max(self._longest_s, time.monotonic() - since_s if since_s is not None else 0.0)
 
     def follow(self, stream: AppendFile) -> None:
-        """Look after this file from now on."""
+        """Force this file to the disk from now on."""
         with self._lock:
             self._stream = stream
 
     def wrote(self) -> None:
-        """The file was written to.
+        """Take note that the file was written to.
 
         The thread notes that nothing waits before it forces the file, so that what is written meanwhile waits anew.
         """
@@ -44,7 +44,7 @@ class DiskSync:
         self._dirty.set()
 
     def finish(self) -> None:
-        """Force the file to the disk now, and look after it no longer.
+        """Force the file to the disk now, for the last time.
 
         Raises:
             OSError: it cannot be forced.

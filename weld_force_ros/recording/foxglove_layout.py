@@ -7,22 +7,22 @@ import msgspec
 
 
 def foxglove_layout(namespace: str = "") -> bytes:
-    """The layout's JSON, for the topics of a namespace.
+    """Return the layout's JSON for the topics of a namespace.
 
     Args:
         namespace: such as `/left`; empty: none.
     """
     file = resources.files("weld_force_ros.data") / "foxglove" / "weld-force.json"
-    content = _moved(msgspec.json.decode(file.read_bytes()), namespace)
+    content = _in_namespace(msgspec.json.decode(file.read_bytes()), namespace)
     return msgspec.json.format(msgspec.json.encode(content), indent=2) + b"\n"
 
 
-def _moved(content: Any, namespace: str) -> Any:
+def _in_namespace(content: Any, namespace: str) -> Any:
     match content:
         case dict():
-            return {name: _moved(value, namespace) for name, value in content.items()}
+            return {name: _in_namespace(value, namespace) for name, value in content.items()}
         case list():
-            return [_moved(value, namespace) for value in content]
+            return [_in_namespace(value, namespace) for value in content]
         case str() if content.startswith("/"):  # nothing but message paths begins like this
             return namespace + content
     return content

@@ -1,4 +1,4 @@
-"""The suite's messages as plain JSON with their schemas, in an MCAP of their own for Foxglove and Lichtblick."""
+"""Contract messages as plain JSON with their schemas, in an MCAP file of their own for Foxglove and Lichtblick."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -20,50 +20,50 @@ from weld_force_ros.recording.rosbag2_format import MessageDefinition
 
 @dataclass(frozen=True)
 class ExportReport:
-    """How many messages were exported, and how many were not because they break the contract.
+    """The numbers of messages that were exported, and that were not because they break the contract.
 
     Attributes:
         layouts: written beside, one for each namespace in it.
     """
 
     message_count: int
-    refused_count: int
+    invalid_count: int
     layouts: tuple[Path, ...] = ()
 
 
-def export_json(source: Path, target: Path, *, on_refused: Callable[[BagError], None] | None = None) -> ExportReport:
-    """Write the suite's messages as JSON with their schemas to an MCAP of their own, and beside it layouts to see them.
+def export_json(source: Path, target: Path, *, on_invalid: Callable[[BagError], None] | None = None) -> ExportReport:
+    """Write the contract messages as JSON with their schemas to an MCAP file, and layouts to see them beside it.
 
     Args:
         source: a bag folder or an .mcap file.
         target: the new .mcap file; must not exist.
-        on_refused: told of each message that breaks the contract.
+        on_invalid: called with the error of each message that breaks the contract.
 
     Raises:
-        BagError: the source is unreadable or holds no message of the suite, or the target exists or cannot be written.
+        BagError: the source is unreadable or holds no contract message, or the target exists or cannot be written.
     """
     bag = open_bag(source)
     refuse_existing(target)
-    refused_count = 0
+    invalid_count = 0
     with as_bag_error(target), whole_file(target, fsync=True) as stream:
         writer = McapWriter(stream, chunked=True, profile="")
         for recorded, message in recorded_messages(bag):
             if isinstance(message, BagError):
-                refused_count += 1
-                if on_refused:
-                    on_refused(message)
+                invalid_count += 1
+                if on_invalid:
+                    on_invalid(message)
                 continue
             # Encoded anew: fields that the schema does not know may hold what Lichtblick throws on.
             data = encode(message)
             writer.add(recorded.topic, _json_definition(type(message)), data, *recorded[3:])
         writer.finish()
-        check_found(source, writer.tally.message_count)
-    namespaces = sorted({topic.rpartition("/")[0] for topic, _ in writer.tally.counts})
-    return ExportReport(writer.tally.message_count, refused_count, tuple(_write_layouts(target, namespaces)))
+        check_found(source, writer.statistics.message_count)
+    namespaces = sorted({topic.rpartition("/")[0] for topic, _ in writer.statistics.counts})
+    return ExportReport(writer.statistics.message_count, invalid_count, tuple(_write_layouts(target, namespaces)))
 
 
 def _write_layouts(target: Path, namespaces: list[str]) -> Iterator[Path]:
-    """One layout beside an export, or one for each namespace if it has several."""
+    """Write one layout beside an export, or one for each namespace if it has several."""
     for namespace in namespaces:
         name = namespace.replace("/", ".") if len(namespaces) > 1 else ""
         path = target.with_suffix(f"{name}.layout.json")

@@ -24,7 +24,7 @@ from weld_force_ros.messages import legible
 from weld_force_ros.recording.rosbag2_format import MAX_RECORD_BYTES, ChannelStatistics, MessageDefinition
 
 MAX_REORDERED_BYTES = 2**30
-"""How much may have to be held in memory to bring a file into log order."""
+"""Bytes that may be held in memory to bring a file into log order."""
 
 _UNREADABLE = (McapError, struct.error, ValueError)
 
@@ -46,7 +46,7 @@ class Recorded(NamedTuple):
 
     @property
     def content(self) -> Any:
-        """The message as an object with the fields of its type (from JSON: as parsed).
+        """Return the message as an object with the fields of its type (from JSON: as parsed).
 
         Raises:
             BagError: it cannot be decoded; names the topic and the log time.
@@ -58,7 +58,7 @@ class Recorded(NamedTuple):
 
     @property
     def text(self) -> str:
-        """What a std_msgs/String holds.
+        """Return the text of a std_msgs/String.
 
         Raises:
             BagError: it cannot be decoded, or is no such message.
@@ -69,7 +69,7 @@ class Recorded(NamedTuple):
         return text
 
     def problem(self, reason: str, remedy: str) -> BagError:
-        """An error about this message, in one line."""
+        """Return an error about this message, in one line."""
         return BagError(legible(f"{self.topic} at log time {self.log_time_ns} ns: {reason}"), remedy)
 
 
@@ -84,14 +84,14 @@ def _decoder(definition: MessageDefinition) -> Callable[[bytes], Any]:
     return decoder
 
 
-class _Source:
-    """A stream of known size that gives just what is asked for, or says that it ends; never more than a record."""
+class _BoundedStream:
+    """A stream of known size that returns exactly the bytes requested, or raises EndOfFile; no absurd sizes."""
 
     def __init__(self, stream: BinaryIO, size: int, path: Path) -> None:
         self._stream, self.size, self._path = stream, size, path
         self.position = 0
         self.intact = 0
-        """Where the last complete record ends."""
+        """The position at which the last complete record ends."""
         self.complete = False
 
     def read(self, count: int) -> bytes:
@@ -108,7 +108,7 @@ class _Source:
         return data
 
     def records(self) -> Iterator[Any]:
-        """The complete records up to the end, or to the first that cannot be read."""
+        """Yield the complete records up to the end, or to the first that cannot be read."""
         try:
             reader = StreamReader(self, skip_magic=True, emit_chunks=True, record_size_limit=None)
             for record in reader.records:
@@ -125,8 +125,8 @@ def _oversized(path: Path, count: int) -> BagError:
     )
 
 
-def _inflate(chunk: Any, path: Path) -> bytes:
-    """A chunk's content, never more than it announces.
+def _decompress(chunk: Any, path: Path) -> bytes:
+    """Return a chunk's content, never more than it announces.
 
     Raises:
         BagError: it announces too much, or is compressed in a way that is unknown here.
@@ -158,32 +158,32 @@ class McapFile:
     Attributes:
         path: the file.
         size: in bytes, when it was scanned; a file that grows is read up to there.
-        tally: what it holds.
+        statistics: what it holds.
         closed: whether its end is there.
         indexed: whether it has an index of chunks.
         lost_bytes: how much of it is unreadable.
         lost_messages: how many messages are known to be lost: by its summary, or of those that `expected_messages`
             said it holds. A file that was cut before it was closed cannot tell.
-        refusal: why nothing of it can be read; else None.
+        error: why nothing of it can be read; else None.
     """
 
     def __init__(self, path: Path, expected_messages: int = 0) -> None:
         self.path = path
         self.size = 0
-        self.tally = ChannelStatistics()
+        self.statistics = ChannelStatistics()
         self.closed = False
         self.indexed = False
         self.lost_bytes = 0
         self.lost_messages = 0
-        self.refusal: BagError | None = None
+        self.error: BagError | None = None
         self._expected_messages = expected_messages
         self._inode = 0
 
     @property
     def damage(self) -> str | None:
-        """What is wrong with it, in a clause; None if nothing is."""
-        if self.refusal:
-            return self.refusal.reason.replace(str(self.path), self.path.name)
+        """Return what is wrong with the file, in a clause; None if nothing is."""
+        if self.error:
+            return self.error.reason.replace(str(self.path), self.path.name)
         faults = [
             *(["was not closed"] * (not self.closed)),
             *([f"has {self.lost_bytes} unreadable bytes"] * (self.lost_bytes > 0)),
@@ -193,32 +193,32 @@ class McapFile:
 
     @property
     def lossy(self) -> bool:
-        """Whether something that was written cannot be read."""
-        return self.lost_bytes > 0 or self.lost_messages > 0 or self.refusal is not None
+        """Return whether something that was written cannot be read."""
+        return self.lost_bytes > 0 or self.lost_messages > 0 or self.error is not None
 
     def scan(self) -> None:
-        """Read it through and note its state."""
-        tally = ChannelStatistics()
+        """Read the file through and set the attributes that describe its state."""
+        statistics = ChannelStatistics()
         try:
             status = self.path.stat()
             self.size, self._inode = status.st_size, status.st_ino
             for topic, definition, _, log_time_ns, _ in self.stored():
-                tally.add(topic, definition, log_time_ns)
-            self.tally = tally
-            said = self.summary()
+                statistics.add(topic, definition, log_time_ns)
+            self.statistics = statistics
+            summary = self.summary()
         except FileNotFoundError:
-            self.refusal = BagError(f"{self.path} is missing", "put it back, or go on without it")
+            self.error = BagError(f"{self.path} is missing", "put it back, or go on without it")
         except OSError as error:
-            self.refusal = BagError(f"{self.path}: {error.strerror or error}", "give a file that can be read")
+            self.error = BagError(f"{self.path}: {error.strerror or error}", "give a file that can be read")
         except BagError as error:
-            self.refusal = error
+            self.error = error
             self.lost_bytes = self.size
         else:
-            self._expected_messages = said.message_count if said else self._expected_messages
-        self.lost_messages = max(0, self._expected_messages - self.tally.message_count)
+            self._expected_messages = summary.message_count if summary else self._expected_messages
+        self.lost_messages = max(0, self._expected_messages - self.statistics.message_count)
 
     def stored(self) -> Iterator[Recorded]:
-        """Every readable message in the order of the file.
+        """Yield every readable message in the order of the file.
 
         Raises:
             BagError: not an MCAP file, or one that claims absurd sizes.
@@ -228,7 +228,7 @@ class McapFile:
         indexed = ended = False
         lost_bytes = 0
         with self.path.open("rb") as stream:
-            source = _Source(stream, self._readable_bytes(stream), self.path)
+            source = _BoundedStream(stream, self._readable_bytes(stream), self.path)
             self._check_magic(source)
             for record in source.records():
                 ended |= isinstance(record, DataEnd)
@@ -241,7 +241,7 @@ class McapFile:
         self.lost_bytes = lost_bytes + channels.lost_bytes + (0 if ended else source.size - source.intact)
 
     def ordered(self, topics: Collection[str] | None = None) -> Iterator[Recorded]:
-        """Messages of a scanned file in log order (those of one time in file order), of all topics or of those named.
+        """Yield messages of a scanned file in log order (those of one time in file order), of all or the named topics.
 
         Raises:
             BagError: too far out of order to be sorted in memory.
@@ -256,7 +256,7 @@ class McapFile:
                 held_bytes += len(recorded.data)
             if held_bytes > MAX_REORDERED_BYTES:
                 raise BagError(f"{self.path}: messages too far out of log order", "sort it by log time first")
-            while held and held[0][0] <= newest_ns - self.tally.lateness_ns:
+            while held and held[0][0] <= newest_ns - self.statistics.lateness_ns:
                 _, _, oldest = heapq.heappop(held)
                 held_bytes -= len(oldest.data)
                 yield oldest
@@ -264,7 +264,7 @@ class McapFile:
             yield heapq.heappop(held)[2]
 
     def summary(self) -> ChannelStatistics | None:
-        """What the file says of itself at its end, read without the rest; None if it was not closed.
+        """Read what the file states at its end that it holds, without the rest; None if it was not closed.
 
         Raises:
             OSError: the file cannot be read.
@@ -283,45 +283,45 @@ class McapFile:
             content = stream.read(summary_bytes)
         if crc and zlib.crc32(content[:-_SUMMARY_CRC_BYTES]) != crc:
             return None
-        return self._summed_up(content)
+        return self._parsed_summary(content)
 
-    def _summed_up(self, content: bytes) -> ChannelStatistics | None:
-        channels, tally = _Channels(), None
-        records = list(_Source(BytesIO(content), len(content), self.path).records())
+    def _parsed_summary(self, content: bytes) -> ChannelStatistics | None:
+        channels, statistics = _Channels(), None
+        records = list(_BoundedStream(BytesIO(content), len(content), self.path).records())
         for record in records:
             channels.take(record)
         for record in records:
             if isinstance(record, Statistics):
-                tally = channels.tally(record)
+                statistics = channels.statistics(record)
         self.indexed = any(isinstance(record, ChunkIndex) for record in records)
-        return tally
+        return statistics
 
     def _readable_bytes(self, stream: BinaryIO) -> int:
-        """Its size when scanned; that of today if it was not scanned, or exchanged for its compressed form since."""
+        """Return its size when scanned, or its present one if it was not scanned or was compressed since."""
         status = os.fstat(stream.fileno())
         return self.size if self._inode == status.st_ino else status.st_size
 
-    def _check_magic(self, source: _Source) -> None:
+    def _check_magic(self, source: _BoundedStream) -> None:
         if source.size == 0:
             raise BagError(f"{self.path} is empty", "nothing can be recovered from it")
         if source.size < len(MCAP0_MAGIC) or source.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
             raise BagError(f"{self.path} is not an MCAP file", "give a bag folder or an .mcap file")
 
     def _unpack(self, chunk: Any, channels: "_Channels") -> Generator[Recorded, None, int]:
-        """The messages of a chunk; returns how many bytes of it are unreadable."""
+        """Yield the messages of a chunk; return how many bytes of it are unreadable."""
         try:
-            content = _inflate(chunk, self.path)
+            content = _decompress(chunk, self.path)
         except ValueError:
             return len(chunk.data)
-        source = _Source(BytesIO(content), _credible(content), self.path)
+        source = _BoundedStream(BytesIO(content), _plausible_bytes(content), self.path)
         for record in source.records():
             if recorded := channels.take(record):
                 yield recorded
         return len(content) - source.intact
 
 
-def _credible(content: bytes) -> int:
-    """How far a chunk's content can be records: a few bytes may inflate to millions that are none."""
+def _plausible_bytes(content: bytes) -> int:
+    """Return how much of a chunk's content can be records: a few bytes may decompress to millions that are none."""
     position = 0
     for _ in range(_MOST_RECORDS):
         if position + _HEADER.size > len(content):
@@ -334,7 +334,7 @@ def _credible(content: bytes) -> int:
 
 
 class _Channels:
-    """The channels met so far in a file, to tell messages by."""
+    """The schemas and channels read so far from a file, by which its messages are understood."""
 
     def __init__(self) -> None:
         self._schemas: dict[int, Any] = {0: Schema(id=0, name="", encoding="", data=b"")}
@@ -342,7 +342,7 @@ class _Channels:
         self.lost_bytes = 0
 
     def take(self, record: Any) -> Recorded | None:
-        """Note a schema or a channel; give a message, unless its channel was lost."""
+        """Store a schema or a channel; return a message, unless its channel was lost."""
         if isinstance(record, Schema):
             self._schemas[record.id] = record
         elif isinstance(record, Channel) and record.schema_id in self._schemas:
@@ -354,16 +354,16 @@ class _Channels:
             self.lost_bytes += len(record.data)
         return None
 
-    def tally(self, statistics: Any) -> ChannelStatistics | None:
-        """What a file holds by its own statistics; None if they are of channels that it does not describe."""
+    def statistics(self, record: Any) -> ChannelStatistics | None:
+        """Return what a file holds by its Statistics record; None if that names channels the file does not describe."""
         counts: dict[tuple[str, MessageDefinition], int] = {}
-        for channel, count in statistics.channel_message_counts.items():
+        for channel, count in record.channel_message_counts.items():
             if channel not in self._channels:
                 return None
             if count:
                 counts[self._channels[channel]] = counts.get(self._channels[channel], 0) + count
-        first_ns = statistics.message_start_time if counts else None
-        return ChannelStatistics(counts, first_ns, statistics.message_end_time)
+        first_ns = record.message_start_time if counts else None
+        return ChannelStatistics(counts, first_ns, record.message_end_time)
 
 
 def _definition(channel: Any, schema: Any) -> MessageDefinition:

@@ -1,4 +1,4 @@
-"""Writing MCAP files in rosbag2's form, and putting files and folders in place as wholes."""
+"""Write MCAP files and `metadata.yaml` in rosbag2's form."""
 
 import errno
 import os
@@ -18,7 +18,7 @@ _FORCED_BYTES = 8 * 2**20  # of a whole file, at a time
 
 
 class AppendFile:
-    """A file that grows by whole writes: one that fails leaves the file as it was before."""
+    """A file that grows by whole writes: a write that fails leaves the file as it was before."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("xb", buffering=0)
@@ -27,7 +27,7 @@ class AppendFile:
 
     @contextmanager
     def gathering(self) -> Iterator[bytearray]:
-        """Writes are gathered, to be written as one by who asked for it."""
+        """Gather all writes in a buffer, which the caller writes as one afterwards."""
         self._gathered = bytearray()
         try:
             yield self._gathered
@@ -51,11 +51,11 @@ class AppendFile:
         return len(data)
 
     def tell(self) -> int:
-        """Bytes written or gathered."""
+        """Return the number of bytes written or gathered."""
         return self._size + len(self._gathered or b"")
 
     def flush(self) -> None:
-        """Nothing is held back."""
+        """Do nothing: every write reaches the file at once."""
 
     def check_exists(self) -> None:
         """Raise OSError if somebody removed the file: what is written to it would be gone."""
@@ -72,10 +72,10 @@ class AppendFile:
 
 
 class McapWriter:
-    """An MCAP file that registers channels as they come."""
+    """Writes an MCAP file and registers channels as they come."""
 
     def __init__(self, stream: BinaryIO | AppendFile, *, chunked: bool, profile: str = "ros2") -> None:
-        self.tally = ChannelStatistics()
+        self.statistics = ChannelStatistics()
         self._chunked = chunked
         self._schemas: dict[tuple[str, str, str], int] = {}
         self._channels: dict[tuple[str, MessageDefinition], int] = {}
@@ -90,16 +90,13 @@ class McapWriter:
         try:
             self._writer.add_message(channel, log_time_ns, data, publish_time_ns)
         except OSError:
-            self._uncount(channel)
+            # The library counted the message before it wrote it.
+            counted = self._writer._Writer__statistics
+            counted.channel_message_counts[channel] -= 1
+            counted.message_count = self.statistics.message_count
+            counted.message_start_time, counted.message_end_time = self.statistics.start_ns, self.statistics.last_ns
             raise
-        self.tally.add(topic, definition, log_time_ns)
-
-    def _uncount(self, channel: int) -> None:
-        """Take a message that failed out of the file's statistics, which the library counts before it writes."""
-        statistics = self._writer._Writer__statistics
-        statistics.channel_message_counts[channel] -= 1
-        statistics.message_count = self.tally.message_count
-        statistics.message_start_time, statistics.message_end_time = self.tally.start_ns, self.tally.last_ns
+        self.statistics.add(topic, definition, log_time_ns)
 
     def _register(self, topic: str, definition: MessageDefinition) -> int:
         described = (definition.name, definition.schema_encoding, definition.text)
@@ -108,30 +105,30 @@ class McapWriter:
             text = definition.text.encode(errors="surrogateescape")
             schema = self._writer.register_schema(definition.name, definition.schema_encoding, text)
         metadata = {"offered_qos_profiles": definition.offered_qos_profiles, "topic_type_hash": definition.type_hash}
-        said = {key: value for key, value in metadata.items() if value}
-        channel: int = self._writer.register_channel(topic, definition.message_encoding, schema, said)
+        present = {key: value for key, value in metadata.items() if value}
+        channel: int = self._writer.register_channel(topic, definition.message_encoding, schema, present)
         if not self._chunked:
             # A channel counts as registered only once it is in the file, or a full disk would orphan its messages.
             self._writer.flush()
         self._schemas[described], self._channels[topic, definition] = schema, channel
         return channel
 
-    def note(self, content: dict[str, Any]) -> None:
+    def write_metadata_record(self, content: dict[str, Any]) -> None:
         """Write rosbag2's metadata record."""
         self._writer.add_metadata("rosbag2", {"serialized_metadata": to_yaml(content)})
 
     def finish(self) -> None:
-        """Write what ends a file."""
+        """Write the end of the file: summary, index and footer."""
         self._writer.finish()
 
 
-def write_mcap(path: Path, messages: Iterable[Recorded], tally: ChannelStatistics) -> None:
+def write_mcap(path: Path, messages: Iterable[Recorded], statistics: ChannelStatistics) -> None:
     """Write messages in log order as one compressed, indexed file in rosbag2's form, and read it before it is named.
 
     Args:
-        path: the file; one that is there is exchanged at once.
+        path: the file; one that is there is replaced as a whole.
         messages: in log order.
-        tally: what they are.
+        statistics: what they are.
 
     Raises:
         BagError: what was written does not read back.
@@ -139,8 +136,8 @@ def write_mcap(path: Path, messages: Iterable[Recorded], tally: ChannelStatistic
     """
     with whole_file(path, fsync=True) as stream:
         writer = McapWriter(stream, chunked=True)
-        content = information({path.name: tally})
-        writer.note(content)
+        content = information({path.name: statistics})
+        writer.write_metadata_record(content)
         unforced_bytes = 0
         for recorded in messages:
             writer.add(*recorded)
@@ -149,12 +146,12 @@ def write_mcap(path: Path, messages: Iterable[Recorded], tally: ChannelStatistic
                 stream.flush()
                 os.fdatasync(stream.fileno())
                 unforced_bytes = 0
-        writer.note(content)
+        writer.write_metadata_record(content)
         writer.finish()
         stream.flush()
         again = McapFile(Path(stream.name))
         again.scan()
-        if again.damage or again.tally.counts != tally.counts:
+        if again.damage or again.statistics.counts != statistics.counts:
             raise BagError(f"{path}: did not read back as written", "check the disk and try again")
 
 

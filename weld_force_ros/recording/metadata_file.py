@@ -16,18 +16,20 @@ class MetadataFile:
         self._lock = threading.Lock()
 
     def put(self, *files: tuple[Path, ChannelStatistics]) -> None:
-        """Note files, or what they hold by now.
+        """Add files, or update what they hold.
 
         Raises:
             OSError: `metadata.yaml` cannot be written; the next change makes up for it.
         """
         with self._lock:
-            for path, tally in files:
-                self._files[path.name] = ChannelStatistics(dict(tally.counts), tally.first_ns, tally.last_ns)
+            for path, statistics in files:
+                self._files[path.name] = ChannelStatistics(
+                    dict(statistics.counts), statistics.first_ns, statistics.last_ns
+                )
             write_metadata(self._directory, self._files)
 
     def drop(self, path: Path) -> None:
-        """Forget a file; errors as `put`."""
+        """Remove a file; errors as `put`."""
         with self._lock:
             self._files.pop(path.name, None)
             write_metadata(self._directory, self._files)

@@ -1,4 +1,4 @@
-"""Reading recordings: a bag folder with its files, or one file."""
+"""Read recordings: a bag folder with its files, or one file."""
 
 import heapq
 import re
@@ -40,7 +40,7 @@ class FileSummary:
 
 @dataclass(frozen=True)
 class Summary:
-    """What a recording holds and what state it is in; `damage` is None for one that was closed and is whole."""
+    """Contents and state of a recording; `damage` is None for one that was closed and is whole."""
 
     path: str
     files: tuple[FileSummary, ...]
@@ -62,7 +62,7 @@ class Bag:
     Attributes:
         path: what was opened.
         files: its files, in order; those of which nothing can be read too.
-        tally: what they hold together.
+        statistics: what they hold together.
     """
 
     def __init__(self, path: Path) -> None:
@@ -73,41 +73,41 @@ class Bag:
             raise BagError(f"{path} holds no .mcap file", "give a bag folder or an .mcap file")
         for file in self.files:
             file.scan()
-        refusals = [file.refusal for file in self.files if file.refusal]
-        if len(refusals) == len(self.files):
-            raise refusals[0]
-        self._readable = [file for file in self.files if not file.refusal]
-        self.tally: ChannelStatistics = merged(file.tally for file in self._readable)
-        if self.truncated and not self.tally.message_count:
+        errors = [file.error for file in self.files if file.error]
+        if len(errors) == len(self.files):
+            raise errors[0]
+        self._readable = [file for file in self.files if not file.error]
+        self.statistics: ChannelStatistics = merged(file.statistics for file in self._readable)
+        if self.truncated and not self.statistics.message_count:
             raise BagError(f"{path} holds no readable message and was not closed", "nothing can be recovered from it")
 
     @property
     def truncated(self) -> bool:
-        """Whether a file was never closed, or its end is missing."""
+        """Return whether a file was never closed, or its end is missing."""
         return not all(file.closed for file in self._readable)
 
     @property
     def lost_bytes(self) -> int:
-        """How much of the message data is unreadable."""
+        """Return how many bytes of message data are unreadable."""
         return sum(file.lost_bytes for file in self.files)
 
     @property
     def lost_messages(self) -> int:
-        """How many messages are known to be lost; a cut file cannot tell."""
+        """Return how many messages are known to be lost; a file that was cut does not show how many."""
         return sum(file.lost_messages for file in self.files)
 
     @property
     def lossy(self) -> bool:
-        """Whether something that was written cannot be read."""
+        """Return whether something that was written cannot be read."""
         return any(file.lossy for file in self.files)
 
     @property
     def damage(self) -> str | None:
-        """What is wrong with the files, in a clause; None if nothing is."""
+        """Return what is wrong with the files, in a clause; None if nothing is."""
         return "; ".join(file.damage for file in self.files if file.damage) or None
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Recorded]:
-        """Messages in log order (those of one time in file order), of all topics or of those named.
+        """Yield messages in log order (those of one time in file order), of all topics or of those named.
 
         Files are merged, each opened when its first message is due: a clock that was set back costs no memory.
 
@@ -115,7 +115,8 @@ class Bag:
             BagError: a file is too far out of order to be sorted in memory, or cannot be read any more.
         """
         heads: list[tuple[int, int, Recorded | None, Iterator[Recorded]]] = [
-            (file.tally.start_ns, ordinal, None, file.ordered(topics)) for ordinal, file in enumerate(self._readable)
+            (file.statistics.start_ns, ordinal, None, file.ordered(topics))
+            for ordinal, file in enumerate(self._readable)
         ]
         heapq.heapify(heads)
         while heads:
@@ -132,16 +133,16 @@ class Bag:
                 heapq.heappop(heads)
 
     def summary(self) -> Summary:
-        """What the recording holds and what state it is in."""
+        """Return contents and state of the recording."""
         return Summary(
             path=str(self.path),
             files=tuple(_file_summary(file) for file in self.files),
             size_bytes=sum(file.size for file in self.files),
-            message_count=self.tally.message_count,
-            start_ns=self.tally.start_ns,
-            duration_s=self.tally.duration_ns * 1e-9,
+            message_count=self.statistics.message_count,
+            start_ns=self.statistics.start_ns,
+            duration_s=self.statistics.duration_ns * 1e-9,
             topics=tuple(
-                TopicSummary(topic, definition.name, n) for (topic, definition), n in self.tally.counts.items()
+                TopicSummary(topic, definition.name, n) for (topic, definition), n in self.statistics.counts.items()
             ),
             closed=not self.truncated,
             indexed=all(file.indexed for file in self._readable),
@@ -155,9 +156,9 @@ def _file_summary(file: McapFile) -> FileSummary:
     return FileSummary(
         name=file.path.name,
         size_bytes=file.size,
-        message_count=file.tally.message_count,
-        start_ns=file.tally.start_ns,
-        duration_s=file.tally.duration_ns * 1e-9,
+        message_count=file.statistics.message_count,
+        start_ns=file.statistics.start_ns,
+        duration_s=file.statistics.duration_ns * 1e-9,
         closed=file.closed,
         indexed=file.indexed,
         damage=file.damage,
@@ -165,7 +166,7 @@ def _file_summary(file: McapFile) -> FileSummary:
 
 
 def open_bag(path: Path) -> Bag:
-    """Open a bag folder or an .mcap file, intact or cut; reads it through once.
+    """Open a bag folder or an .mcap file, intact or cut, and read it through once.
 
     A file of several that is missing, empty, no MCAP or claims absurd sizes counts as damage; the others are read.
 
@@ -176,7 +177,7 @@ def open_bag(path: Path) -> Bag:
 
 
 def stored(path: Path) -> Iterator[Recorded]:
-    """Every readable message of a bag folder or an .mcap file, in one pass and in the order of the files.
+    """Yield every readable message of a bag folder or an .mcap file, in one pass and in the order of the files.
 
     A file of a folder of which nothing can be read is passed over; a folder without files gives nothing.
 
@@ -195,12 +196,12 @@ def stored(path: Path) -> Iterator[Recorded]:
 
 
 def summary(path: Path) -> Summary:
-    """What a recording holds and what state it is in; errors as `open_bag`."""
+    """Return contents and state of a recording; errors as `open_bag`."""
     return open_bag(path).summary()
 
 
 def listed_files(directory: Path) -> dict[str, int]:
-    """The files that metadata.yaml names, and how many messages each; none if it is missing or broken.
+    """Return the files that metadata.yaml names, with their numbers of messages; none if it is missing or broken.
 
     After a crash it may be either; names are stripped of folders.
     """
@@ -231,5 +232,5 @@ def _files(path: Path) -> list[McapFile]:
 
 
 def _series(file_name: str) -> str:
-    """The name that the numbered files of a recording share."""
+    """Return the name that the numbered files of a recording share."""
     return re.sub(r"_\d+\.mcap$", "", file_name)

@@ -1,4 +1,4 @@
-"""Recording message by message while a process runs, into a bag that is split, continued and never overwritten."""
+"""Record message by message while a process runs, into a bag that is split, continued and never overwritten."""
 
 import errno
 import fcntl
@@ -26,13 +26,13 @@ from weld_force_ros.recording.rosbag2_format import MAX_RECORD_BYTES, ChannelSta
 SPLIT_BYTES = 256 * 2**20
 SPLIT_S = 3600.0
 RESERVE_BYTES = 64 * 2**20
-"""What is left free on the disk, to complete the recording with; it goes on once twice as much is free."""
+"""Bytes left free on the disk, to complete the recording with; it goes on once twice as much is free."""
 
 CLOCK_STEP_NS = 10**9
 """A topic whose log time goes back by more begins a new file."""
 
-LOOK_AGAIN_S = 0.5
-"""How often a full disk is looked at again."""
+CHECK_AGAIN_S = 0.5
+"""The interval at which a full disk is checked again."""
 
 
 class Recorder:
@@ -76,13 +76,13 @@ class Recorder:
         self._closed = False
         self._file: _OpenFile | None = None
         self._stopped = False
-        self._look_again_s = 0.0
+        self._check_again_s = 0.0
         with as_bag_error(directory, "choose another place"):
-            self._handle = _claim(directory)
+            self._handle = _lock_folder(directory)
             self._space = DiskSpace(directory, reserve_bytes)
             self._sync = DiskSync()
-            self._listing = MetadataFile(directory)
-            self._compactor = Compactor(self._listing, self._space)
+            self._metadata_file = MetadataFile(directory)
+            self._compactor = Compactor(self._metadata_file, self._space)
             try:
                 self._number = self._take_over()
                 self.path = self._next_path()
@@ -93,19 +93,19 @@ class Recorder:
 
     @property
     def free_bytes(self) -> int:
-        """What the disk of the recording has free."""
+        """Return how much the disk of the recording has free."""
         return self._space.free_bytes
 
     @property
-    def announcement(self) -> str | None:
-        """That the disk is full or will be soon, in a clause; None while there is room."""
+    def disk_warning(self) -> str | None:
+        """Return a warning if the disk is full or will be soon, as a clause; None while there is room."""
         if self._stopped:
             return f"disk full: {self.free_bytes / 1e6:.0f} MB free, not recording"
         return self._space.nearly_full
 
     @property
     def longest_unsynced_s(self) -> float:
-        """How long a message waited at most, until now, from being written to being forced to the disk."""
+        """Return the longest time until now from a message being written to being forced to the disk."""
         return self._sync.longest_unsynced_s
 
     def write(
@@ -150,7 +150,7 @@ class Recorder:
             self._space.wrote(len(cdr))
 
     def close(self) -> None:
-        """Complete the file and `metadata.yaml`, and wait until all files are exchanged for compressed, indexed ones.
+        """Complete the file and `metadata.yaml`, and wait until all files are replaced by compressed, indexed ones.
 
         Files for which there is no room stay as they are: complete, and compressed when the recording is continued.
 
@@ -166,8 +166,8 @@ class Recorder:
                 self._complete()
         finally:
             if self._file:
-                self._let_go(self._file)
-            self._compactor.take_postponed()
+                self._close_file(self._file)
+            self._compactor.submit_postponed()
             self._release()
 
     def __enter__(self) -> Self:
@@ -179,7 +179,7 @@ class Recorder:
         self.close()
 
     def _take_over(self) -> int:
-        """Note what is in the folder and complete what was not; returns the first number that is free."""
+        """List what is in the folder and complete what was not; return the first file number that is free."""
         numbered = re.compile(rf"{re.escape(self._name)}_(\d+)\.mcap")
         names = {entry.name for entry in self.directory.iterdir()}
         listed = listed_files(self.directory)
@@ -191,24 +191,24 @@ class Recorder:
             if name.endswith(TEMPORARY) and belonging.fullmatch(name):
                 (self.directory / name).unlink()
         if files:
-            self._listing.put(*[(path, self._left(path)) for _, path in files])
+            self._metadata_file.put(*[(path, self._statistics_of(path)) for _, path in files])
         # Files that were moved away may be brought back: their numbers stay theirs.
         known = (numbered.match(name) for name in names | listed.keys())
         return max((int(found[1]) + 1 for found in known if found), default=0)
 
-    def _left(self, path: Path) -> ChannelStatistics:
-        """What a file holds by its own summary; one that was not completed, or not compressed, is now."""
+    def _statistics_of(self, path: Path) -> ChannelStatistics:
+        """Return what a file holds by its own summary; one that was not completed or compressed will be now."""
         file = McapFile(path)
-        tally = file.summary()
-        if tally is None or (tally.message_count and not file.indexed):
-            self._compactor.take(path)
-        return tally or ChannelStatistics()
+        statistics = file.summary()
+        if statistics is None or (statistics.message_count and not file.indexed):
+            self._compactor.submit(path)
+        return statistics or ChannelStatistics()
 
     def _next_path(self) -> Path:
         return self.directory / f"{self._name}_{self._number}.mcap"
 
     def _file_for(self, topic: str, size: int, log_time_ns: int) -> "_OpenFile":
-        """The file to write a message to, begun if need be.
+        """Return the file to write a message to, begun if need be.
 
         Raises:
             DiskFullError: the disk was full a moment ago, or still is.
@@ -233,8 +233,8 @@ class Recorder:
         self._number += 1
         self._sync.follow(file.stream)
         sync_folder(self.directory)
-        self._listing.put((self.path, ChannelStatistics()))
-        self._compactor.take_postponed()
+        self._metadata_file.put((self.path, ChannelStatistics()))
+        self._compactor.submit_postponed()
         return file
 
     def _begin_if_room(self) -> None:
@@ -257,23 +257,23 @@ class Recorder:
             file.finish()
         except OSError as error:
             if error.errno not in DISK_FULL:
-                self._let_go(file)
+                self._close_file(file)
             raise
-        self._let_go(file)
-        self._listing.put((file.path, file.tally))
+        self._close_file(file)
+        self._metadata_file.put((file.path, file.statistics))
 
-    def _let_go(self, file: "_OpenFile") -> None:
+    def _close_file(self, file: "_OpenFile") -> None:
         self._file = None
         try:
             self._sync.finish()
         finally:
             file.stream.close()
-            self._compactor.take(file.path)
+            self._compactor.submit(file.path)
 
     def _stop(self) -> None:
         """Complete the file on a full disk, as far as there is room for that; an empty one is taken away again."""
         self._stopped = True
-        self._look_again_s = time.monotonic() + LOOK_AGAIN_S
+        self._check_again_s = time.monotonic() + CHECK_AGAIN_S
         with suppress(OSError):  # what remains to be done is done when there is room
             if self._file and self._file.message_count:
                 self._complete()
@@ -281,12 +281,12 @@ class Recorder:
                 file, self._file = self._file, None
                 self._sync.finish()
                 file.discard()
-                self._listing.drop(file.path)
+                self._metadata_file.drop(file.path)
 
     def _resume(self) -> "_OpenFile":
-        if time.monotonic() < self._look_again_s:
+        if time.monotonic() < self._check_again_s:
             raise self._full()
-        self._look_again_s = time.monotonic() + LOOK_AGAIN_S
+        self._check_again_s = time.monotonic() + CHECK_AGAIN_S
         if not self._space.has_room_for(self._space.reserve_bytes):
             raise self._full()
         self._complete()
@@ -314,13 +314,13 @@ class _OpenFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.first_s = 0.0
-        """When its first message was written, by the monotonic clock."""
+        """The monotonic clock's time at which its first message was written."""
         self._newest_ns: dict[str, int] = {}
         self._end = b""
         self.stream = AppendFile(path)
         try:
             self._writer = McapWriter(self.stream, chunked=False)
-            self._writer.note(information({path.name: ChannelStatistics()}))
+            self._writer.write_metadata_record(information({path.name: ChannelStatistics()}))
             self.stream.sync()
         except OSError:
             self.discard()
@@ -328,21 +328,21 @@ class _OpenFile:
 
     @property
     def size(self) -> int:
-        """In bytes."""
+        """Return the file's size in bytes."""
         return self.stream.tell()
 
     @property
-    def tally(self) -> ChannelStatistics:
-        """What it holds."""
-        return self._writer.tally
+    def statistics(self) -> ChannelStatistics:
+        """Return what the file holds."""
+        return self._writer.statistics
 
     @property
     def message_count(self) -> int:
-        """Messages in it."""
-        return self._writer.tally.message_count
+        """Return the number of messages in the file."""
+        return self._writer.statistics.message_count
 
     def goes_back(self, topic: str, log_time_ns: int) -> bool:
-        """Whether the clock was set back since a topic's newest message.
+        """Return whether the clock was set back since a topic's newest message.
 
         Of one topic messages come in order; of another one they may be late for having waited in a queue.
         """
@@ -359,22 +359,22 @@ class _OpenFile:
         self._newest_ns[topic] = max(log_time_ns, self._newest_ns.get(topic, 0))
 
     def finish(self) -> None:
-        """Write what ends a file: all of it or, with an OSError, nothing; then it may be tried again."""
+        """Write the end of the file: all of it or, with an OSError, nothing; then it may be tried again."""
         if not self._end:
             with self.stream.gathering() as end:
-                self._writer.note(information({self.path.name: self.tally}))
+                self._writer.write_metadata_record(information({self.path.name: self.statistics}))
                 self._writer.finish()
             self._end = bytes(end)
         self.stream.write(self._end)
 
     def discard(self) -> None:
-        """Close and remove it."""
+        """Close and remove the file."""
         self.stream.close()
         self.path.unlink(missing_ok=True)
 
 
-def _claim(directory: Path) -> int:
-    """Make a folder unless it is there, and lock it; the lock ends with the process, however that ends."""
+def _lock_folder(directory: Path) -> int:
+    """Make a folder unless it is there, and return a handle that locks it until the process ends, however it ends."""
     if directory.exists() and not directory.is_dir():
         raise refusal_to_overwrite(directory)
     if not directory.exists():

@@ -1,4 +1,4 @@
-"""Recovering a cut or damaged recording into a proper one."""
+"""Recover a cut or damaged recording into a whole one."""
 
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -13,13 +13,13 @@ from weld_force_ros.recording.reader import Bag, open_bag
 
 @dataclass(frozen=True)
 class RecoveryReport:
-    """What was recovered.
+    """The outcome of a recovery.
 
     Attributes:
         target: the new bag.
         message_count: messages in it.
         lost_bytes: how much of the source is unreadable.
-        lost_messages: how many messages of the source are known to be lost; a cut file cannot tell.
+        lost_messages: how many messages of the source are known to be lost; a file that was cut does not show how many.
         damage: what is wrong with the source, in a clause; None if nothing is.
         lossy: whether something that was written to the source is not in the target.
         already: whether the target was there and held just that.
@@ -49,20 +49,20 @@ def recover(source: Path, target: Path | None = None) -> RecoveryReport:
             same.
     """
     bag = open_bag(source)
-    target = target or _beside(source.resolve())
+    target = target or _default_target(source.resolve())
     already = target.exists()
     if already:
         _check_holds(target, bag)
     else:
         with as_bag_error(target), whole_folder(target) as folder:
             name = f"{target.resolve().name}_0.mcap"
-            write_mcap(folder / name, bag.messages(), bag.tally)
-            write_metadata(folder, {name: bag.tally})
+            write_mcap(folder / name, bag.messages(), bag.statistics)
+            write_metadata(folder, {name: bag.statistics})
             if not _same(open_bag(folder), bag):
                 raise BagError(f"{target}: did not read back as written", "check the disk and try again")
     return RecoveryReport(
         target=str(target),
-        message_count=bag.tally.message_count,
+        message_count=bag.statistics.message_count,
         lost_bytes=bag.lost_bytes,
         lost_messages=bag.lost_messages,
         damage=bag.damage,
@@ -71,7 +71,7 @@ def recover(source: Path, target: Path | None = None) -> RecoveryReport:
     )
 
 
-def _beside(source: Path) -> Path:
+def _default_target(source: Path) -> Path:
     return source.with_name(f"{source.name if source.is_dir() else source.stem}-recovered")
 
 

@@ -1,4 +1,4 @@
-"""The form of a recording: what rosbag2 says of channels, and what it keeps in `metadata.yaml`."""
+"""rosbag2's form of a recording: the description of its channels and of its files in `metadata.yaml`."""
 
 import struct
 from collections.abc import Iterable, Mapping
@@ -12,7 +12,7 @@ MAX_RECORD_BYTES = 64 * 2**20
 
 
 class MessageDefinition(NamedTuple):
-    """What a channel says of its messages.
+    """The type, schema and QoS of a channel's messages.
 
     Attributes:
         name: the type, `std_msgs/msg/String`.
@@ -32,13 +32,13 @@ class MessageDefinition(NamedTuple):
 
 
 def to_yaml(content: object) -> str:
-    """Block-style YAML in the order given."""
+    """Return block-style YAML in the order given."""
     text: str = yaml.safe_dump(content, sort_keys=False)
     return text
 
 
 def offered_qos(*, depth: int | None = None, latched: bool = False) -> str:
-    """QoS of a reliable publisher as recordings keep it; without a depth it keeps all."""
+    """Return the QoS of a reliable publisher as recordings keep it; without a depth it keeps all."""
     unlimited = ("deadline", "lifespan", "liveliness_lease_duration")
     profile = {
         "history": "keep_all" if depth is None else "keep_last",
@@ -58,18 +58,18 @@ STRING = MessageDefinition(
     type_hash="RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
     offered_qos_profiles=offered_qos(latched=True),
 )
-"""What the suite's messages travel in, for tools that record without ROS."""
+"""The type that carries contract messages, for tools that record without ROS."""
 
 
 def string_cdr(text: str) -> bytes:
-    """A std_msgs/String as little-endian CDR."""
+    """Return a std_msgs/String as little-endian CDR."""
     data = text.encode()
     return struct.pack("<4sI", b"\x00\x01\x00\x00", len(data) + 1) + data + b"\x00"
 
 
 @dataclass
 class ChannelStatistics:
-    """What a file holds, by channel, and in what order of time.
+    """The messages of a file by channel, and their times.
 
     Attributes:
         counts: messages by (topic, definition).
@@ -92,34 +92,34 @@ class ChannelStatistics:
 
     @property
     def message_count(self) -> int:
-        """Messages on all channels."""
+        """Return the number of messages on all channels."""
         return sum(self.counts.values())
 
     @property
     def start_ns(self) -> int:
-        """The earliest log time; 0 without messages."""
+        """Return the earliest log time; 0 without messages."""
         return self.first_ns or 0
 
     @property
     def duration_ns(self) -> int:
-        """From the earliest to the latest log time."""
+        """Return the time from the earliest to the latest log time."""
         return self.last_ns - self.start_ns
 
 
-def merged(tallies: Iterable[ChannelStatistics]) -> ChannelStatistics:
-    """What several files hold; how late messages come is told of each file, not of all."""
+def merged(parts: Iterable[ChannelStatistics]) -> ChannelStatistics:
+    """Return the statistics of several files together, without `lateness_ns`, which is of single files."""
     whole = ChannelStatistics()
-    for tally in tallies:
-        for channel, count in tally.counts.items():
+    for statistics in parts:
+        for channel, count in statistics.counts.items():
             whole.counts[channel] = whole.counts.get(channel, 0) + count
-        if tally.first_ns is not None:
-            whole.first_ns = tally.first_ns if whole.first_ns is None else min(whole.first_ns, tally.first_ns)
-            whole.last_ns = max(whole.last_ns, tally.last_ns)
+        if statistics.first_ns is not None:
+            whole.first_ns = statistics.first_ns if whole.first_ns is None else min(whole.first_ns, statistics.first_ns)
+            whole.last_ns = max(whole.last_ns, statistics.last_ns)
     return whole
 
 
 def information(files: Mapping[str, ChannelStatistics]) -> dict[str, Any]:
-    """What rosbag2's metadata, version 9, says of a bag: its files by name, and what each holds."""
+    """Return rosbag2's metadata, version 9, of a bag with these files by name."""
     whole = merged(files.values())
     return {
         "version": 9,
@@ -131,7 +131,7 @@ def information(files: Mapping[str, ChannelStatistics]) -> dict[str, Any]:
                     "name": topic,
                     "type": definition.name,
                     "serialization_format": definition.message_encoding,
-                    "offered_qos_profiles": _profiles(definition.offered_qos_profiles),
+                    "offered_qos_profiles": _parsed_qos(definition.offered_qos_profiles),
                     "type_description_hash": definition.type_hash,
                 },
                 "message_count": count,
@@ -141,21 +141,21 @@ def information(files: Mapping[str, ChannelStatistics]) -> dict[str, Any]:
         "compression_format": "",
         "compression_mode": "",
         "relative_file_paths": list(files),
-        "files": [{"path": name, **_extent(tally)} for name, tally in files.items()],
+        "files": [{"path": name, **_extent(statistics)} for name, statistics in files.items()],
         "custom_data": None,
         "ros_distro": "jazzy",
     }
 
 
-def _extent(tally: ChannelStatistics) -> dict[str, Any]:
+def _extent(statistics: ChannelStatistics) -> dict[str, Any]:
     return {
-        "duration": {"nanoseconds": tally.duration_ns},
-        "starting_time": {"nanoseconds_since_epoch": tally.start_ns},
-        "message_count": tally.message_count,
+        "duration": {"nanoseconds": statistics.duration_ns},
+        "starting_time": {"nanoseconds_since_epoch": statistics.start_ns},
+        "message_count": statistics.message_count,
     }
 
 
-def _profiles(text: str) -> Any:
+def _parsed_qos(text: str) -> Any:
     try:
         return yaml.safe_load(text) or []
     except yaml.YAMLError:  # of another recorder; the channel keeps it as it is

@@ -1,4 +1,4 @@
-"""The suite's messages as tables, for those who calculate elsewhere: CSV or Parquet, a file each."""
+"""Contract messages as tables for other programs: CSV or Parquet, a file for each table."""
 
 import csv
 from collections.abc import Callable, Collection, Iterable
@@ -19,14 +19,14 @@ from weld_force_ros.recording.reader import open_bag
 FORMATS = ("csv", "parquet")
 
 ROWS_AT_ONCE = 100_000
-"""About how many rows of a table are held before they are written; a message's rows are not parted."""
+"""The number of rows of a table, about, that are held before they are written; a message's rows stay together."""
 
 Cell = str | int | float | bool | None
 Rows = Iterable[tuple[Cell, ...]]
 
 
 class Table(NamedTuple):
-    """A table of one kind of message; every row begins with when, where and about what it was recorded.
+    """A table of one kind of message; every row begins with the columns of `KEY`.
 
     Attributes:
         name: of its file.
@@ -42,11 +42,11 @@ class Table(NamedTuple):
 
 
 KEY: dict[str, type] = {"log_time_ns": int, "topic": str, "profile_id": str}
-"""`profile_id` is what joins the tables; a rejection of a file that held no profile has none."""
+"""The columns that all tables share. `profile_id` joins them; a rejection of a file without a profile has none."""
 
 
 def _fields(**columns: type) -> tuple[dict[str, type], Callable[[Message], Rows]]:
-    """One row a message, its columns the message's fields of the same name."""
+    """Return columns named as a message's fields, and what makes a message its one row."""
 
     def rows(message: Message) -> Rows:
         values = (getattr(message, name) for name in columns)
@@ -165,8 +165,8 @@ TABLES = (
 )  # fmt: skip
 
 
-class _Sink(Protocol):
-    """A table's file."""
+class _TableFile(Protocol):
+    """A file of one format that rows are added to."""
 
     def add(self, rows: Collection[tuple[Cell, ...]]) -> None: ...
 
@@ -210,22 +210,22 @@ class _Parquet:
         self._writer.close()
 
 
-_SINKS: dict[str, Callable[[Path, dict[str, type]], _Sink]] = {"csv": _Csv, "parquet": _Parquet}
+_TABLE_FILES: dict[str, Callable[[Path, dict[str, type]], _TableFile]] = {"csv": _Csv, "parquet": _Parquet}
 
 
-class _Sheet:
-    """A table that is being written, to a file of each format."""
+class _TableWriter:
+    """Writes one table, to a file of each format."""
 
     def __init__(self, table: Table, folder: Path, formats: Iterable[str], stack: ExitStack) -> None:
         self._table = table
         self._rows: list[tuple[Cell, ...]] = []
-        self._sinks = []
+        self._files = []
         for name in formats:
-            sink = _SINKS[name](folder / f"{table.name}.{name}", {**KEY, **table.columns})
-            stack.callback(sink.close)
-            self._sinks.append(sink)
+            file = _TABLE_FILES[name](folder / f"{table.name}.{name}", {**KEY, **table.columns})
+            stack.callback(file.close)
+            self._files.append(file)
 
-    def take(self, message: Message, key: tuple[Cell, ...]) -> None:
+    def add(self, message: Message, key: tuple[Cell, ...]) -> None:
         if isinstance(message, self._table.kind):
             self._rows.extend((*key, *row) for row in self._table.rows(message))
             if len(self._rows) >= ROWS_AT_ONCE:
@@ -233,8 +233,8 @@ class _Sheet:
 
     def flush(self) -> None:
         if self._rows:
-            for sink in self._sinks:
-                sink.add(self._rows)
+            for file in self._files:
+                file.add(self._rows)
             self._rows.clear()
 
 
@@ -243,7 +243,7 @@ def export_tables(
     target: Path,
     formats: Collection[str] = ("csv",),
     *,
-    on_refused: Callable[[BagError], None] | None = None,
+    on_invalid: Callable[[BagError], None] | None = None,
 ) -> ExportReport:
     """Write verdicts, criteria, force maps, profiles and rejections as tables to a new folder.
 
@@ -251,33 +251,33 @@ def export_tables(
         source: a bag folder or an .mcap file.
         target: the new folder; must not exist.
         formats: one or more of `FORMATS`.
-        on_refused: told of each message that breaks the contract.
+        on_invalid: called with the error of each message that breaks the contract.
 
     Raises:
-        BagError: the source is unreadable or holds no message of the suite, or the target exists or cannot be written.
+        BagError: the source is unreadable or holds no contract message, or the target exists or cannot be written.
         InputError: a format is unknown, or what writes it is not installed.
     """
     _check(formats)
     bag = open_bag(source)
-    message_count = refused_count = 0
+    message_count = invalid_count = 0
     refuse_existing(target)
     with as_bag_error(target), whole_folder(target) as folder, ExitStack() as stack:
-        sheets = [_Sheet(table, folder, dict.fromkeys(formats), stack) for table in TABLES]
+        writers = [_TableWriter(table, folder, dict.fromkeys(formats), stack) for table in TABLES]
         kinds = tuple(table.kind for table in TABLES)
         for recorded, message in recorded_messages(bag):
             if isinstance(message, BagError):
-                refused_count += 1
-                if on_refused:
-                    on_refused(message)
+                invalid_count += 1
+                if on_invalid:
+                    on_invalid(message)
             elif isinstance(message, kinds):
                 message_count += 1
                 key = (recorded.log_time_ns, recorded.topic, _profile_id(message))
-                for sheet in sheets:
-                    sheet.take(message, key)
-        for sheet in sheets:
-            sheet.flush()
+                for writer in writers:
+                    writer.add(message, key)
+        for writer in writers:
+            writer.flush()
         check_found(source, message_count)
-    return ExportReport(message_count, refused_count)
+    return ExportReport(message_count, invalid_count)
 
 
 def _profile_id(message: Message) -> str | None:

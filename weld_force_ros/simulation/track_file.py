@@ -119,8 +119,8 @@ def parse(text: str, source: str) -> TrackDefinition:
     Raises:
         TrackError: not YAML, an unknown or missing field, or a number out of its range.
     """
-    if len(text) > _yaml.LONGEST:
-        raise TrackError(f"track file {source}: over {_yaml.LONGEST} characters", "a track file has some forty lines")
+    if len(text) > _yaml.MAX_BYTES:
+        raise TrackError(f"track file {source}: over {_yaml.MAX_BYTES} characters", "a track file has some forty lines")
     try:
         file = _yaml.decode(text.encode(), _TrackFile)
     except (msgspec.DecodeError, ValueError) as error:

@@ -69,7 +69,7 @@ class TopicRecorder:
         """Return what about the recording needs a person's attention now, or None."""
         if self._recorder is None:
             return "not recording: after a restart, outcomes may come a second time"
-        return self._recorder.announcement
+        return self._recorder.disk_warning
 
     def facts(self) -> dict[str, object]:
         """Return the state of the disk, for /diagnostics."""
