@@ -14,7 +14,8 @@ from weld_force_ros.physics.analysis.spectra import Bands, Spectrum
 from weld_force_ros.physics.passage.passage import History
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.wheel_path import wheel_path_over
-from weld_force_ros.studies import bands_study, claims, passage_records, variants
+from weld_force_ros.studies import claims, passage_records, variants
+from weld_force_ros.studies.band_split import BandSplit
 from weld_force_ros.studies.study_context import BILBAO, CONTINUOUS, Quantities, StudyContext, StudyResult
 
 STUDIES = ("length", "hertz", "spectrum", "bands")
@@ -168,7 +169,7 @@ def test_a_parted_force_by_hand():
     low = np.where(np.abs(x) < 0.15, 10e3 * np.cos(np.pi * x / 0.2), 0.0)
     high = np.where(np.abs(x) < 0.03, -4e3 * np.cos(np.pi * x / 0.02), 0.0)
     passage = History(x, 100e3 + low + high, x, x, x)
-    split = bands_study.BandSplit(80.0, passage, Bands(x, 100e3 + low, high, 80.0), 100e3)
+    split = BandSplit(80.0, passage, Bands(x, 100e3 + low, high, 80.0), 100e3)
     assert split.low_peak_m == pytest.approx(0.0, abs=1e-6)
     assert split.low_width_m == pytest.approx(0.2, abs=1e-5)
     assert split.high_share == pytest.approx(0.4)

@@ -5,6 +5,7 @@ import json
 import math
 import os
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from pathlib import Path
 
 # As in tests/core: a second BLAS thread slows small factorisations down on a busy machine.
@@ -20,10 +21,11 @@ from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.wheel_path import WheelPath
 from weld_force_ros.simulation import simulator, track_file
 from weld_force_ros.simulation.settings import ENGINES, simulation_settings
+from weld_force_ros.studies import engines_figures, engines_study
 from weld_force_ros.studies.engines_study import QUICK_GRIDS, TARGETS
-from weld_force_ros.studies.fit_orders import sharp_angles
+from weld_force_ros.studies.fit_orders import ANGLE_SPEEDS_KMH, sharp_angles
 from weld_force_ros.studies.grids import COSINES_M, Grid, ReferenceGrid, wheel_path
-from weld_force_ros.studies.peak_comparison import Passage, error_of, grouped
+from weld_force_ros.studies.peak_comparison import ComparedPassage, grouped_differences, peak_difference
 from weld_force_ros.studies.reference_peaks import ReferencePeaks
 from weld_force_ros.studies.result_table import Column, Table
 
@@ -31,8 +33,8 @@ QUICK_PASSAGES = sum(len(g.shapes) * len(g.speeds_kmh) * g.position_count for g 
 FITTED = [engine for engine in ENGINES if engine != "reference"]
 
 
-def passage(reference_n: float, peak_n: float, *, shape: str = "dip", speed_kmh: float = 80.0) -> Passage:
-    return Passage("track", "engine", shape, speed_kmh, 0.1, reference_n, peak_n)
+def passage(reference_n: float, peak_n: float, *, shape: str = "dip", speed_kmh: float = 80.0) -> ComparedPassage:
+    return ComparedPassage("track", "engine", shape, speed_kmh, 0.1, reference_n, peak_n)
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:
@@ -50,7 +52,7 @@ BY_HAND = [
 
 
 def test_error_is_rms_and_worst_in_per_cent_of_the_reference():
-    error = error_of(BY_HAND)
+    error = peak_difference(BY_HAND)
     assert error.rms_percent == pytest.approx(math.sqrt(11 / 4))
     assert error.max_percent == pytest.approx(3.0)
     assert error.worst is BY_HAND[3]
@@ -58,17 +60,17 @@ def test_error_is_rms_and_worst_in_per_cent_of_the_reference():
 
 
 def test_passages_are_grouped_by_what_they_share():
-    by_shape = grouped(BY_HAND, "shape")
+    by_shape = grouped_differences(BY_HAND, "shape")
     assert list(by_shape) == [("dip",), ("rise",)]
     assert by_shape[("dip",)].rms_percent == pytest.approx(math.sqrt(1 / 2))
     assert by_shape[("rise",)].rms_percent == pytest.approx(math.sqrt(10 / 2))
 
 
 def test_passages_that_an_engine_cannot_follow_are_counted_and_do_not_hide_the_others():
-    error = error_of([passage(100e3, math.nan), passage(100e3, 102e3)])
+    error = peak_difference([passage(100e3, math.nan), passage(100e3, 102e3)])
     assert (error.passages, error.not_finite) == (2, 1)
     assert (error.rms_percent, error.max_percent) == pytest.approx((2.0, 2.0))
-    assert math.isnan(error_of([passage(100e3, math.nan)]).rms_percent)
+    assert math.isnan(peak_difference([passage(100e3, math.nan)]).rms_percent)
 
 
 def test_an_engine_that_fails_at_one_speed_is_still_compared_at_the_others():
@@ -83,7 +85,7 @@ def test_an_engine_that_fails_at_one_speed_is_still_compared_at_the_others():
     reference = ReferenceGrid(
         grid, track_file.load("bilbao"), [WheelPath(0.0, np.zeros(9))], np.array([0.0, 0.3]), np.full((1, 3, 2), 100e3)
     )
-    by_speed = grouped(reference.compared("fragile", Fragile()), "speed_kmh")
+    by_speed = grouped_differences(reference.compared("fragile", Fragile()), "speed_kmh")
     assert [e.not_finite for e in by_speed.values()] == [0, 2, 0]
     assert by_speed[(160.0,)].rms_percent == pytest.approx(1.0)
 
@@ -155,7 +157,15 @@ def test_a_damaged_file_of_reference_peaks_is_computed_anew(tmp_path, counted):
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory) -> Path:
+def first_angle_only() -> Iterator[None]:
+    """Sharp angles looked for up to 92 km/h, where the dip's first one lies: the reference is slow."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(engines_study, "ANGLE_SPEEDS_KMH", ANGLE_SPEEDS_KMH[:33])
+        yield
+
+
+@pytest.fixture(scope="module")
+def study(first_angle_only: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a quick study, run from the command line."""
     out = tmp_path_factory.mktemp("study")
     assert main(["study", "engines", "--out", str(out), "--quick", "--json", str(out / "lines.json")]) == 0
@@ -218,6 +228,7 @@ def test_a_second_study_computes_no_reference(study, monkeypatch, capfd):
         raise AssertionError("the reference was computed again")
 
     monkeypatch.setattr(GreensFunctionModel, "peak_maps", computed)
+    monkeypatch.setattr(engines_figures, "write", lambda _study, _out: [])
     assert main(["study", "engines", "--out", str(study), "--quick", "--json", "-"]) == 0
     out, err = capfd.readouterr()
     assert [json.loads(line)["engine"] for line in out.splitlines()] == FITTED * len(QUICK_GRIDS)

@@ -51,7 +51,7 @@ def _study(name: str) -> Callable[..., None]:
             studied = paper_studies.run_one(name, context, out)
         with json_output.lines(json) as lines:
             json_output.write(lines, studied.measured)
-        _tell(studied.shown, out)
+        _tell(studied.rendered, out)
 
     run.__doc__ = _SUMMARIES[name]
     return run
@@ -78,7 +78,7 @@ def study_all(out: Out, quick: Quick = False, json: Json = None) -> None:
             json_output.write(lines, judged)
     terminal.show_table(claims.table(studied.judged))
     terminal.show_table(claims.summary(studied.judged))
-    _tell(studied.shown, out)
+    _tell(studied.rendered, out)
     if quick:
         terminal.say(paper_studies.COARSE.strip())
     terminal.say(f"claims:  {out / 'claims.json'}")

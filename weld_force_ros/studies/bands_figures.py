@@ -1,33 +1,17 @@
 """Pictures of the study `bands`."""
 
 from collections.abc import Sequence
-from typing import Protocol
 
-from weld_force_ros.physics.analysis.spectra import CUT_HZ, Bands, Spectrum
+from weld_force_ros.physics.analysis.spectra import CUT_HZ
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.passage import History
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.report.figures import BLUE, GREEN, GREY, RED, as_text, new_figure
-from weld_force_ros.studies.figure_style import COLOURS
+from weld_force_ros.studies.band_split import BandSplit
+from weld_force_ros.studies.figure_style import COLOURS, label_panel, legend_above
 from weld_force_ros.studies.spectrum_figures import mark_frequencies
 from weld_force_ros.studies.study_context import Picture
 
 _SHOWN_HZ = (20, 2000)
-
-
-class BandSplit(Protocol):
-    """A passage with its force in two parts."""
-
-    @property
-    def speed_kmh(self) -> float: ...  # noqa: D102
-    @property
-    def passage(self) -> History: ...  # noqa: D102
-    @property
-    def parts(self) -> Bands: ...  # noqa: D102
-    @property
-    def low_n(self) -> FloatArray: ...  # noqa: D102
-    @property
-    def spectrum(self) -> Spectrum: ...  # noqa: D102
 
 
 def parts(weld: str, name: str, passages: Sequence[BandSplit], shown_m: tuple[float, float]) -> Picture:
@@ -44,10 +28,10 @@ def parts(weld: str, name: str, passages: Sequence[BandSplit], shown_m: tuple[fl
         ):  # fmt: skip
             axes.plot(x[inside] * 1e3, force[inside] / 1e3, style, color=colour, label=label)
         axes.axhline(0, color=GREY, linewidth=0.6, zorder=0)
-        axes.text(0.99, 0.93, f"{split.speed_kmh:g} km/h", transform=axes.transAxes, ha="right", va="top")
+        label_panel(axes, f"{split.speed_kmh:g} km/h")
     panels[-1].set(xlabel="distance behind the weld's centre, mm", xlim=(shown_m[0] * 1e3, shown_m[1] * 1e3))
     figure.supylabel("dynamic contact force, kN", fontsize="medium")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
+    legend_above(figure, 3, panels[0])
     return Picture(
         name, f"Force below and above 530 Hz: {weld}",
         "Where the parts have opposite signs at the peak, it is lowered and parts; where they have the same sign, they "
@@ -62,7 +46,7 @@ def curves(labels: Sequence[str], speeds_kmh: FloatArray, peak_maps: Sequence[Pe
     for label, peak_map, colour, style in zip(labels, peak_maps, COLOURS, ("-", "--"), strict=False):
         axes.plot(speeds_kmh, peak_map.peak_force_n[:, 0] / 1e3, style, color=colour, label=as_text(label))
     axes.set(xlabel="speed, km/h", ylabel="peak force, kN")
-    figure.legend(loc="outside upper center", ncols=2, frameon=False)
+    legend_above(figure, 2)
     return Picture(
         "bands-curves", "Peak force over a weld and the same upside down",
         "Over a rise, the paper says, the force keeps growing, nearly along a line; over a dip it has a maximum and a "
@@ -83,7 +67,7 @@ def spectra(weld: str, passages: Sequence[BandSplit]) -> Picture:
     axes.set(ylabel="force, N")
     mark_frequencies(axes, *_SHOWN_HZ)
     axes.set_ylim(bottom=0)
-    figure.legend(loc="outside upper center", ncols=4, frameon=False)
+    legend_above(figure, 4)
     return Picture(
         "bands-spectra", f"Spectra of the force about 530 Hz: {weld}",
         "Over a short dip, the paper says, peaks below the cut stay where they are at every speed, and those above it "

@@ -1,16 +1,13 @@
 """Study `bands`: above 530 Hz the force works against that below over a dip, with it over a rise (Figs. 27, 28)."""
 
-from dataclasses import dataclass
-from functools import cached_property
-
 import numpy as np
 
-from weld_force_ros.physics.analysis.spectra import CUT_HZ, Bands, Spectrum, bands, phase_at_peak
+from weld_force_ros.physics.analysis.spectra import CUT_HZ, bands, phase_at_peak
 from weld_force_ros.physics.analysis.speed_curve import curve_features
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.passage import History
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.studies import bands_figures, passage_curves, passage_records, variants
+from weld_force_ros.studies.band_split import BandSplit
 from weld_force_ros.studies.result_table import Column, Table
 from weld_force_ros.studies.study_context import CONTINUOUS, Quantities, StudyContext, StudyResult, as_columns
 from weld_force_ros.studies.variants import Variant
@@ -20,62 +17,6 @@ RISE_KMH = (65.0, 120.0, 200.0)
 MOVING_KMH = (80.0, 120.0, 160.0, 200.0)
 _LOW_KMH = (80.0, 120.0, 200.0)
 _BEFORE_M, _BEHIND_M = 0.1, 0.4
-
-
-@dataclass(frozen=True)
-class BandSplit:
-    """A passage with its force in two parts, the static load in neither."""
-
-    speed_kmh: float
-    passage: History
-    parts: Bands
-    static_load_n: float
-
-    @cached_property
-    def low_n(self) -> FloatArray:
-        """Return the dynamic force below the cut frequency, N, (n,)."""
-        return np.asarray(self.parts.low_n - self.static_load_n)
-
-    @cached_property
-    def spectrum(self) -> Spectrum:
-        """Return the spectrum of the whole force."""
-        return passage_records.force_spectrum(self.passage, self.speed_kmh)
-
-    @property
-    def low_peak_m(self) -> float:
-        """Return where the low part is largest."""
-        return float(self.passage.x_m[np.argmax(self.low_n)])
-
-    @property
-    def high_peak_m(self) -> float:
-        """Return where the high part is largest."""
-        return float(self.passage.x_m[np.argmax(self.parts.high_n)])
-
-    @property
-    def high_share(self) -> float:
-        """Return the largest magnitude of the high part divided by that of the low part."""
-        return float(np.abs(self.parts.high_n).max() / np.abs(self.low_n).max())
-
-    @property
-    def at_peak_n(self) -> list[float]:
-        """Return the low and the high part where the whole force is largest."""
-        largest = np.argmax(self.passage.force_n)
-        return [float(self.low_n[largest]), float(self.parts.high_n[largest])]
-
-    @property
-    def low_width_m(self) -> float:
-        """Return the distance between the low part's zero crossings on either side of its maximum; NaN without two."""
-        summit = int(np.argmax(self.low_n))
-        below = np.flatnonzero(self.low_n <= 0)
-        before, behind = below[below < summit], below[below > summit]
-        if not (len(before) and len(behind)):
-            return float("nan")
-        return self._crossing_m(int(behind[0]) - 1) - self._crossing_m(int(before[-1]))
-
-    def _crossing_m(self, index: int) -> float:
-        """Return where the low part crosses zero between a sample and the next."""
-        x, low = self.passage.x_m, self.low_n
-        return float(x[index] - low[index] * (x[index + 1] - x[index]) / (low[index + 1] - low[index]))
 
 
 def run(context: StudyContext) -> StudyResult:

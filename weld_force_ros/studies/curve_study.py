@@ -139,11 +139,7 @@ def _draw(
     for axes, (letter, speed) in zip(cells, HISTORIES_KMH.items(), strict=False):
         axes.sharey(cells[0])
         _draw_history(axes, histories[speed], context.track(BILBAO).wheel.static_load_n)
-        impact = impacts[speed]
-        if impact is not None:
-            p1_m, p2_m = _places_m(impact, speed)
-            axes.plot(p1_m * 100, impact.p1_n / 1e3, "^", color=_IMPACT, fillstyle="none", markersize=9)
-            axes.plot(p2_m * 100, impact.p2_n / 1e3, "v", color=_IMPACT, markersize=5)
+        _draw_impact(axes, impacts[speed], speed)
         axes.set_title(f"{letter}: {speed:g} km/h", fontsize=9)
     for axes in (cells[0], cells[3]):
         axes.set_ylabel("force, kN")
@@ -161,6 +157,13 @@ def _draw_history(axes: Any, history: History, static_n: float) -> None:
     axes.plot((history.x_m - POSITION_M) * 100, history.force_n / 1e3, color=_FORCE)
     for peak in split_peaks(history, static_n, float(history.x_m[np.argmax(history.force_n)])):
         axes.plot((peak.x_m - POSITION_M) * 100, peak.force_n / 1e3, "o", color=_WELD, markersize=4)
+
+
+def _draw_impact(axes: Any, impact: ImpactForces | None, speed_kmh: float) -> None:
+    if impact is not None:
+        p1_m, p2_m = _places_m(impact, speed_kmh)
+        axes.plot(p1_m * 100, impact.p1_n / 1e3, "^", color=_IMPACT, fillstyle="none", markersize=9)
+        axes.plot(p2_m * 100, impact.p2_n / 1e3, "v", color=_IMPACT, markersize=5)
 
 
 def _claim_quantities(

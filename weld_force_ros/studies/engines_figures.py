@@ -10,7 +10,7 @@ from weld_force_ros.physics.arrays import ComplexArray
 from weld_force_ros.report.figures import BLUE, GREEN, GREY, ORANGE, RED, new_figure, save
 from weld_force_ros.studies.engines_study import FLATS, TARGETS, EnginesStudy, FlatCurve, PointReceptance
 from weld_force_ros.studies.fit_orders import PAPERS_SECOND_ANGLE_KMH, OrderEffect
-from weld_force_ros.studies.peak_comparison import Passage, error_of
+from weld_force_ros.studies.peak_comparison import ComparedPassage, peak_difference
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,7 +42,7 @@ def write(study: EnginesStudy, out: Path) -> list[Path]:
     return [out / f"{name}.png" for name in figures]
 
 
-def error_by_speed(passages: Sequence[Passage]) -> "Figure":
+def error_by_speed(passages: Sequence[ComparedPassage]) -> "Figure":
     """Draw the largest difference of all positions against speed: a column a track, a row an engine, a line a shape."""
     tracks = list(dict.fromkeys(p.track for p in passages))
     engines = list(dict.fromkeys(p.engine for p in passages))
@@ -63,11 +63,11 @@ def error_by_speed(passages: Sequence[Passage]) -> "Figure":
     return figure
 
 
-def _draw_errors(panel: "Axes", passages: Sequence[Passage]) -> None:
+def _draw_errors(panel: "Axes", passages: Sequence[ComparedPassage]) -> None:
     speeds = sorted({p.speed_kmh for p in passages})
     for shape, (colour, marker) in zip(dict.fromkeys(p.shape for p in passages), _SHAPE_STYLES, strict=False):
         own = [[p for p in passages if (p.shape, p.speed_kmh) == (shape, speed)] for speed in speeds]
-        errors = [error_of(at_speed).max_percent for at_speed in own]
+        errors = [peak_difference(at_speed).max_percent for at_speed in own]
         panel.plot(speeds, errors, color=colour, marker=marker, markersize=4, linewidth=1.2, label=shape)
     _, target = TARGETS.get((passages[0].track, passages[0].engine), (None, None))
     if target is not None:

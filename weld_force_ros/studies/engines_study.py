@@ -28,8 +28,14 @@ from weld_force_ros.studies.fit_orders import (
     order_table,
 )
 from weld_force_ros.studies.gallery import make_folder
-from weld_force_ros.studies.grids import Grid, GridEvaluator, ReferenceGrid, peaks, referenced
-from weld_force_ros.studies.peak_comparison import Error, Passage, error_table, grouped, passage_table
+from weld_force_ros.studies.grids import Grid, GridEvaluator, ReferenceGrid, peaks, with_reference
+from weld_force_ros.studies.peak_comparison import (
+    ComparedPassage,
+    PeakDifference,
+    difference_table,
+    grouped_differences,
+    passage_table,
+)
 from weld_force_ros.studies.reference_peaks import ReferencePeaks
 from weld_force_ros.studies.result_table import Cell, Column, Table
 
@@ -119,7 +125,7 @@ class PointReceptance:
 class EnginesStudy:
     """The results of the study; `tables` by the name of their file."""
 
-    passages: list[Passage]
+    passages: list[ComparedPassage]
     outcomes: list[Outcome]
     flats: list[FlatCurve]
     orders: list[OrderEffect]
@@ -153,10 +159,10 @@ def run(
     reference_peaks = ReferencePeaks(out / "reference")
     engines = [engine for engine in ENGINES if engine != "reference"]
     grids = [
-        referenced(grid, reference_peaks, start_progress(f"reference on {grid.track}", len(grid.speeds_kmh)))
+        with_reference(grid, reference_peaks, start_progress(f"reference on {grid.track}", len(grid.speeds_kmh)))
         for grid in (QUICK_GRIDS if quick else GRIDS)
     ]
-    passages: list[Passage] = []
+    passages: list[ComparedPassage] = []
     flats: list[FlatCurve] = []
     step = start_progress("fitted engines", len(grids) * len(engines))
     for grid in grids:
@@ -173,12 +179,12 @@ def run(
         orders=_QUICK_ORDERS if quick else ORDERS,
         speeds_kmh=ANGLE_SPEEDS_KMH[::8] if quick else ANGLE_SPEEDS_KMH,
     )
-    outcomes = [_outcome(error) for error in grouped(passages, "track", "engine").values()]
+    outcomes = [_outcome(error) for error in grouped_differences(passages, "track", "engine").values()]
     tables = {
         "outcomes": outcome_table(outcomes),
-        "errors-by-shape": error_table("Difference in peak force by shape", passages, "track", "engine", "shape"),
-        "errors-by-speed": error_table("The same by speed", passages, "track", "engine", "speed_kmh"),
-        "errors-by-position": error_table("The same by position", passages, "track", "engine", "position_m"),
+        "errors-by-shape": difference_table("Difference in peak force by shape", passages, "track", "engine", "shape"),
+        "errors-by-speed": difference_table("The same by speed", passages, "track", "engine", "speed_kmh"),
+        "errors-by-position": difference_table("The same by position", passages, "track", "engine", "position_m"),
         "orders": order_table(orders),
         "flats": _flat_table(flats),
         "passages": passage_table(passages),
@@ -233,7 +239,7 @@ def _receptances(engines: Sequence[str], on_fit: Callable[[str], None] | None) -
     return points
 
 
-def _outcome(error: Error) -> Outcome:
+def _outcome(error: PeakDifference) -> Outcome:
     worst = error.worst
     rms, largest = TARGETS.get((worst.track, worst.engine), (None, None))
     reached = None

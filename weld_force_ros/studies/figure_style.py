@@ -9,9 +9,21 @@ from weld_force_ros.report.figures import BLUE, GREEN, GREY, ORANGE, RED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 COLOURS = (BLUE, RED, GREEN, ORANGE, "#CC79A7", "#56B4E9", "#000000")
 MAP = "viridis"
+
+
+def legend_above(figure: "Figure", columns: int, axes: "Axes | None" = None) -> None:
+    """Put a legend of one panel's curves, or of all, above the figure's panels."""
+    curves = () if axes is None else axes.get_legend_handles_labels()
+    figure.legend(*curves, loc="outside upper center", ncols=columns, frameon=False)
+
+
+def label_panel(axes: "Axes", text: str) -> None:
+    """Write a label into a panel's upper right corner."""
+    axes.text(0.99, 0.93, text, transform=axes.transAxes, ha="right", va="top")
 
 
 def mark_sleepers(axes: "Axes", span_m: float, until_m: float, from_m: float = 0.0) -> None:

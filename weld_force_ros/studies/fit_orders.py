@@ -17,7 +17,7 @@ from weld_force_ros.simulation import track_file
 from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.studies import StartProgress
 from weld_force_ros.studies.grids import ReferenceGrid, wheel_path
-from weld_force_ros.studies.peak_comparison import Error, error_of
+from weld_force_ros.studies.peak_comparison import PeakDifference, peak_difference
 from weld_force_ros.studies.reference_peaks import ReferencePeaks
 from weld_force_ros.studies.result_table import Cell, Column, Table
 
@@ -42,7 +42,7 @@ class OrderEffect:
     track: str
     order: int | None
     fit_error_percent: float | None
-    error: Error | None
+    error: PeakDifference | None
     sharp_angles_kmh: list[float]
 
 
@@ -68,7 +68,7 @@ def order_effects(
     for grid in grids:
         for order in orders:
             model, fit_error = _fitted(grid.definition, order)
-            error = error_of(grid.compared(f"order {order}", VehicleTrackModel(model, grid.definition.wheel)))
+            error = peak_difference(grid.compared(f"order {order}", VehicleTrackModel(model, grid.definition.wheel)))
             effects.append(OrderEffect(grid.grid.track, order, fit_error, error, []))
             step()
     definition = track_file.load(ANGLE_TRACK)

@@ -86,21 +86,20 @@ def write_page(
     page = environment.from_string(template).render(
         title=title,
         introduction=introduction,
-        studies=[_embedded(study) for study in studies],
+        studies=[_as_embedded(study) for study in studies],
         claims=claims,
-        counts=counts and _in_words(counts),
+        counts=counts
+        and {
+            "headings": [column.heading for column in counts.columns],
+            "rows": [[c.shown(cell) for c, cell in zip(counts.columns, row, strict=True)] for row in counts.rows],
+        },
         software=SOFTWARE,
     )
     with os_errors_as(InputError, path, "name a writable folder with --out"), whole_file(path) as stream:
         stream.write(page.encode())
 
 
-def _in_words(table: Table) -> dict[str, Any]:
-    rows = [[column.shown(cell) for column, cell in zip(table.columns, row, strict=True)] for row in table.rows]
-    return {"headings": [column.heading for column in table.columns], "rows": rows}
-
-
-def _with_a_palette(png: Path) -> bytes:
+def _with_palette(png: Path) -> bytes:
     """Return a picture in 256 colours, a third of its size."""
     from PIL import Image  # comes with matplotlib
 
@@ -109,9 +108,9 @@ def _with_a_palette(png: Path) -> bytes:
     return small.getvalue()
 
 
-def _embedded(study: RenderedStudy) -> dict[str, Any]:
+def _as_embedded(study: RenderedStudy) -> dict[str, Any]:
     pictures = [
-        {"title": title, "caption": caption, "png": base64.b64encode(_with_a_palette(png)).decode()}
+        {"title": title, "caption": caption, "png": base64.b64encode(_with_palette(png)).decode()}
         for title, caption, png in study.pictures
     ]
     return {"name": study.name, "title": study.title, "pictures": pictures, "tables": study.tables}

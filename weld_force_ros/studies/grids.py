@@ -20,7 +20,7 @@ from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
 from weld_force_ros.simulation import track_file
 from weld_force_ros.simulation.track_file import TrackDefinition
-from weld_force_ros.studies.peak_comparison import Passage
+from weld_force_ros.studies.peak_comparison import ComparedPassage
 from weld_force_ros.studies.reference_peaks import ReferencePeaks
 
 _RADIUS_M = 0.45
@@ -63,14 +63,16 @@ class ReferenceGrid:
     positions_m: FloatArray
     peak_n: FloatArray
 
-    def compared(self, engine: str, vehicle_track: GridEvaluator) -> list[Passage]:
+    def compared(self, engine: str, vehicle_track: GridEvaluator) -> list[ComparedPassage]:
         """Simulate the grid by another engine and return each passage beside the reference's; NaN where it fails."""
         passages = []
         speeds, positions = self.grid.speeds_kmh, self.positions_m.tolist()
         for shape, wheel_path, reference in zip(self.grid.shapes, self.wheel_paths, self.peak_n, strict=True):
             peak_n = peaks(vehicle_track, wheel_path, speeds, self.positions_m)
             passages += [
-                Passage(self.grid.track, engine, shape, speed, position, float(reference[i, j]), float(peak_n[i, j]))
+                ComparedPassage(
+                    self.grid.track, engine, shape, speed, position, float(reference[i, j]), float(peak_n[i, j])
+                )
                 for i, speed in enumerate(speeds)
                 for j, position in enumerate(positions)
             ]
@@ -89,7 +91,7 @@ def peaks(
         return np.concatenate([peaks(vehicle_track, wheel_path, [speed], positions_m) for speed in speeds_kmh])
 
 
-def referenced(grid: Grid, reference_peaks: ReferencePeaks, on_speed: Callable[[], object]) -> ReferenceGrid:
+def with_reference(grid: Grid, reference_peaks: ReferencePeaks, on_speed: Callable[[], object]) -> ReferenceGrid:
     """Return the reference's peak forces on a grid, computed or read from `reference_peaks`."""
     definition = track_file.load(grid.track)
     wheel_paths = [wheel_path(shape, definition) for shape in grid.shapes]

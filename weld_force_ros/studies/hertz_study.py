@@ -6,7 +6,7 @@ from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.report.figures import as_text, new_figure
 from weld_force_ros.studies import passage_curves, variants
-from weld_force_ros.studies.figure_style import COLOURS
+from weld_force_ros.studies.figure_style import COLOURS, legend_above
 from weld_force_ros.studies.result_table import Column, Table
 from weld_force_ros.studies.study_context import CONTINUOUS, Picture, Quantities, StudyContext, StudyResult, as_columns
 from weld_force_ros.studies.variants import Variant
@@ -21,7 +21,7 @@ def run(context: StudyContext) -> StudyResult:
     speeds = context.speeds(20, 300, 1)
     welds = variants.by_sign(context)
     # For each stiffness, a peak map of each weld.
-    peak_maps = [_surfaces(context, welds, speeds, stiffness) for stiffness in STIFFNESSES_GN_PER_M15]
+    peak_maps = [_peak_maps(context, welds, speeds, stiffness) for stiffness in STIFFNESSES_GN_PER_M15]
     table = Table(
         "Peak force by contact stiffness",
         (Column("weld", "weld"), Column("hertz_gn_per_m15", "GN/m^1.5", 1), Column("speed_kmh", "km/h", 0),
@@ -35,7 +35,7 @@ def run(context: StudyContext) -> StudyResult:
     return StudyResult("hertz", "Stiffness of the contact", pictures, {"curves": table}, measured)
 
 
-def _surfaces(context: StudyContext, welds: list[Variant], speeds: FloatArray, gn_per_m15: float) -> list[PeakMap]:
+def _peak_maps(context: StudyContext, welds: list[Variant], speeds: FloatArray, gn_per_m15: float) -> list[PeakMap]:
     vehicle_track = context.vehicle_track(CONTINUOUS, hertz_n_per_m15=gn_per_m15 * 1e9)
     return list(vehicle_track.peak_maps([weld.wheel_path for weld in welds], speeds, [0.0]))
 
@@ -50,7 +50,7 @@ def _curves(welds: list[Variant], speeds: FloatArray, peak_maps: list[list[PeakM
     for axes, weld in zip(panels, welds, strict=True):
         axes.set(title=as_text(weld.label), ylabel="peak force, kN")
     panels[-1].set(xlabel="speed, km/h")
-    figure.legend(loc="outside upper center", ncols=4, frameon=False)
+    legend_above(figure, 4)
     return Picture(
         "hertz-curves", "Peak force by contact stiffness",
         "A stiffer contact gives more force, the more so the higher the speed, and moves a dip's maximum slightly to "
@@ -68,7 +68,7 @@ def _changes(
         change = 100 * (stiff.peak_force_n - soft.peak_force_n)[:, 0] / static_n
         axes.plot(speeds, change, color=colour, label=as_text(weld.label))
     axes.set(xlabel="speed, km/h", ylabel="change of peak force,\n% of static load")
-    figure.legend(loc="outside upper center", ncols=2, frameon=False)
+    legend_above(figure, 2)
     return Picture(
         "hertz-change", "Change of peak force from 50 to 100 GN/m^1.5",
         "How much a contact twice as stiff adds depends on the speed: there is no one percentage.", figure,

@@ -60,7 +60,10 @@ def run(context: StudyContext) -> StudyResult:
         context.track(BILBAO).track.spacing_m,
     )
     excess = _excess(context, weld, speeds, positions)
-    hollows = [_hollows(speeds, positions, force, span_m) for force in (excess.dynamic_n, excess.increment_n)]
+    hollows = [
+        surface_features(speeds, positions, force, span_m, tolerance=SIGNIFICANT)
+        for force in (excess.dynamic_n, excess.increment_n)
+    ]
     pictures = [
         Picture(
             "increment", f"Dynamic force and increment: {weld}",
@@ -113,10 +116,6 @@ def _at_speed(
             without_n[peak] - static_n,
         )
     return found
-
-
-def _hollows(speeds_kmh: FloatArray, positions_m: FloatArray, force_n: FloatArray, span_m: float) -> SurfaceFeatures:
-    return surface_features(speeds_kmh, positions_m, force_n, span_m, tolerance=SIGNIFICANT)
 
 
 def _draw(

@@ -8,7 +8,7 @@ from weld_force_ros.physics.passage.passage import History
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.report.figures import GREY, as_text, new_figure
 from weld_force_ros.studies import passage_curves, passage_records, variants
-from weld_force_ros.studies.figure_style import COLOURS
+from weld_force_ros.studies.figure_style import COLOURS, label_panel, legend_above
 from weld_force_ros.studies.result_table import Cell, Column, Table
 from weld_force_ros.studies.study_context import CONTINUOUS, Picture, Quantities, StudyContext, StudyResult, as_columns
 from weld_force_ros.studies.variants import Variant
@@ -58,7 +58,7 @@ def _curves(welds: list[Variant], speeds: FloatArray, peak_maps: list[PeakMap]) 
     above.plot([], [], "v", color=GREY, fillstyle="none", markersize=8, label="sharp angle")
     above.set(ylabel="peak force, kN")
     below.set(xlabel="speed, km/h", ylabel="peak behind centre, mm")
-    figure.legend(loc="outside upper center", ncols=2, frameon=False)
+    legend_above(figure, 2)
     return Picture(
         "length-curves", "Peak force over a weld and one twice as long",
         "Above: over a dip, the paper says, the force rises to a first maximum (dot), falls, and rises again, and over "
@@ -76,7 +76,7 @@ def _stretched(welds: list[Variant], speeds: FloatArray, peak_maps: list[PeakMap
         force = peak_map.peak_force_n[shown, 0] / 1e3
         axes.plot(speeds[shown] / scale, force, ("-", "--")[scale - 1], color=colour, label=as_text(weld.label))
     axes.set(xlabel="speed, km/h (of the longer weld: half its speed)", ylabel="peak force, kN")
-    figure.legend(loc="outside upper center", ncols=2, frameon=False)
+    legend_above(figure, 2)
     return Picture(
         "length-stretched", "Both curves over speed per length",
         "The longer weld's curve is drawn at half its speed. As far as it covers the shorter one's, what decides is "
@@ -94,7 +94,7 @@ def _parting(weld: Variant, histories: list[History]) -> Picture:
     for axes, passage, speed in zip(panels[1:], histories, _PARTING_KMH, strict=True):
         axes.plot(passage.x_m * 1e3, passage.force_n / 1e3, color=COLOURS[0])
         axes.set(ylim=(lowest - 2, highest + 2))
-        axes.text(0.99, 0.9, f"{speed:g} km/h", transform=axes.transAxes, ha="right", va="top")
+        label_panel(axes, f"{speed:g} km/h")
     panels[0].plot(histories[0].x_m * 1e3, histories[0].irregularity_m * 1e6, color=GREY)
     panels[0].set(ylabel="wheel\npath, μm", xlim=(shown_m[0] * 1e3, shown_m[1] * 1e3))
     figure.supylabel("contact force, kN", fontsize="medium")

@@ -31,7 +31,7 @@ _INTRODUCTION = (
 class StudyRun:
     """The results of one or several studies."""
 
-    shown: list[RenderedStudy]
+    rendered: list[RenderedStudy]
     measured: Quantities
     judged: list[claims.JudgedClaim]
 
@@ -50,9 +50,8 @@ def run_one(name: str, context: StudyContext, out: Path) -> StudyRun:
         WeldForceError: the study cannot be computed.
     """
     gallery.make_folder(out / name)  # before anything is computed
-    found = run_study(name, context)
-    shown = gallery.write_study(found, out)
-    return StudyRun([shown], found.measured, [])
+    result = run_study(name, context)
+    return StudyRun([gallery.write_study(result, out)], result.measured, [])
 
 
 def run_all(
@@ -81,9 +80,9 @@ def run_all(
     measured: Quantities = {key: value for part in parts for key, value in part.measured.items()}
     judged = claims.evaluate(claims.load(), measured)
     claims.write(judged, out / "claims.json")
-    shown = [shown for part in parts for shown in part.shown]
+    rendered = [one for part in parts for one in part.rendered]
     gallery.write_page(
-        out / "gallery.html", shown, title=TITLE, introduction=_INTRODUCTION + (COARSE if context.coarse else ""),
+        out / "gallery.html", rendered, title=TITLE, introduction=_INTRODUCTION + (COARSE if context.coarse else ""),
         claims=msgspec.to_builtins(judged), counts=claims.summary(judged),
     )  # fmt: skip
-    return StudyRun(shown, measured, judged)
+    return StudyRun(rendered, measured, judged)

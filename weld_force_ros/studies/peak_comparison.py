@@ -7,7 +7,7 @@ from typing import NamedTuple
 from weld_force_ros.studies.result_table import Cell, Column, Table
 
 
-class Passage(NamedTuple):
+class ComparedPassage(NamedTuple):
     """One passage by an engine and by the reference; `peak_n` is NaN where the engine did not stay finite."""
 
     track: str
@@ -24,13 +24,13 @@ class Passage(NamedTuple):
         return 100.0 * (self.peak_n / self.reference_n - 1.0)
 
 
-class Error(NamedTuple):
+class PeakDifference(NamedTuple):
     """Statistics of the differences of some passages; NaN if no passage stayed finite."""
 
     passages: int
     not_finite: int
     rms_percent: float
-    worst: Passage
+    worst: ComparedPassage
 
     @property
     def max_percent(self) -> float:
@@ -38,22 +38,22 @@ class Error(NamedTuple):
         return abs(self.worst.difference_percent)
 
 
-def error_of(passages: Sequence[Passage]) -> Error:
+def peak_difference(passages: Sequence[ComparedPassage]) -> PeakDifference:
     """Return root mean square and worst of the differences in peak force, over at least one passage."""
     finite = [p for p in passages if math.isfinite(p.peak_n)]
     if not finite:
-        return Error(len(passages), len(passages), math.nan, passages[0])
+        return PeakDifference(len(passages), len(passages), math.nan, passages[0])
     mean_square = math.fsum(p.difference_percent**2 for p in finite) / len(finite)
     worst = max(finite, key=lambda p: abs(p.difference_percent))
-    return Error(len(passages), len(passages) - len(finite), math.sqrt(mean_square), worst)
+    return PeakDifference(len(passages), len(passages) - len(finite), math.sqrt(mean_square), worst)
 
 
-def grouped(passages: Iterable[Passage], *names: str) -> dict[tuple[Cell, ...], Error]:
+def grouped_differences(passages: Iterable[ComparedPassage], *names: str) -> dict[tuple[Cell, ...], PeakDifference]:
     """Return the differences of passages that agree in the fields `names`, in the order of first appearance."""
-    groups: dict[tuple[Cell, ...], list[Passage]] = {}
+    groups: dict[tuple[Cell, ...], list[ComparedPassage]] = {}
     for passage in passages:
         groups.setdefault(tuple(getattr(passage, name) for name in names), []).append(passage)
-    return {key: error_of(group) for key, group in groups.items()}
+    return {key: peak_difference(group) for key, group in groups.items()}
 
 
 _COLUMNS = {
@@ -65,7 +65,7 @@ _COLUMNS = {
 }
 
 
-def error_table(title: str, passages: Iterable[Passage], *names: str) -> Table:
+def difference_table(title: str, passages: Iterable[ComparedPassage], *names: str) -> Table:
     """Return the differences grouped by the fields `names`, each with its worst passage."""
     columns = (
         *(_COLUMNS[name] for name in names),
@@ -79,7 +79,7 @@ def error_table(title: str, passages: Iterable[Passage], *names: str) -> Table:
         Column("worst_position_m", "at m", 2),
     )
     rows: list[tuple[Cell, ...]] = []
-    for key, e in grouped(passages, *names).items():
+    for key, e in grouped_differences(passages, *names).items():
         w = e.worst
         rows.append(
             (*key, e.passages, e.not_finite, e.rms_percent, e.max_percent,
@@ -88,7 +88,7 @@ def error_table(title: str, passages: Iterable[Passage], *names: str) -> Table:
     return Table(title, columns, rows)
 
 
-def passage_table(passages: Iterable[Passage]) -> Table:
+def passage_table(passages: Iterable[ComparedPassage]) -> Table:
     """Return every passage on a row."""
     columns = (
         *(_COLUMNS[name] for name in ("track", "engine", "shape", "speed_kmh", "position_m")),

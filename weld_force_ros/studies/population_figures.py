@@ -7,7 +7,7 @@ import numpy as np
 
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report.figures import GREY, new_figure
-from weld_force_ros.studies.figure_style import COLOURS
+from weld_force_ros.studies.figure_style import COLOURS, legend_above
 from weld_force_ros.studies.simulated_population import (
     KINDS,
     THIRDS,
@@ -59,7 +59,7 @@ def hollow_shares(simulated_welds: list[SimulatedWeld], without: list[SimulatedW
     names = (*(third.replace(" ", "\n") for third in THIRDS), "all\nwelds", "all, without\nshort waves")
     axes.set_xticks(range(len(names)), names)
     axes.set(ylabel="curves with a hollow, %", ylim=(0, 118), yticks=range(0, 101, 20))
-    figure.legend(loc="outside upper center", ncols=2, frameon=False)
+    legend_above(figure, 2)
     return figure
 
 
@@ -77,7 +77,7 @@ def linearities(
         label = None if number else "your weld"
         axes.axvline(curve.linearity, color=COLOURS[2], linestyle=":", label=label)
     axes.set(xlabel="R² of the straight line through force against speed", ylabel="share of curves", xlim=(0, 1))
-    figure.legend(loc="outside upper center", ncols=2, frameon=False)
+    legend_above(figure, 2)
     return figure
 
 

@@ -11,7 +11,7 @@ from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.track.cross_section import Mesh
 from weld_force_ros.physics.track.waveguide_rail import WaveShape
 from weld_force_ros.report.figures import BLUE, GREY, RED, new_figure
-from weld_force_ros.studies.figure_style import COLOURS
+from weld_force_ros.studies.figure_style import COLOURS, label_panel, legend_above
 from weld_force_ros.studies.study_context import Picture
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Forces:
+class RailForces:
     """Peak forces over a weld on either rail, (n_speed, n_position)."""
 
     weld: str
@@ -78,9 +78,9 @@ def receptances(frequency_hz: FloatArray, at_m: FloatArray, found: dict[str, Com
             label, colour, style = _STYLES[name]
             axes.plot(frequency_hz, np.abs(values[row]) * 1e9, style, color=colour, label=label)
         axes.set(yscale="log", ylabel="nm/N")
-        _say_where(axes, x)
+        label_panel(axes, f"{x * 100:.0f} cm after the sleeper")
     _over_frequency(panels[-1], frequency_hz)
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False)
+    legend_above(figure, 2, panels[0])
     return Picture(
         "rail-receptances", "Receptances of the track",
         "The beam is enough as long as the lines are one. Near the pinned-pinned resonance, about 1 kHz, a small shift "
@@ -102,7 +102,7 @@ def differences(frequency_hz: FloatArray, at_m: FloatArray, found: dict[str, Com
     return Picture("rail-differences", "Where beam and strips part", "Dotted: five per cent.", figure)
 
 
-def peak_forces(forces: Sequence[Forces]) -> Picture:
+def peak_forces(forces: Sequence[RailForces]) -> Picture:
     """Draw the force against speed, the worst position at each, over every weld."""
     rows = -(-len(forces) // 2)
     figure = new_figure(7.0, 2.2 * rows + 0.6)
@@ -115,7 +115,7 @@ def peak_forces(forces: Sequence[Forces]) -> Picture:
         axes.set(ylabel="kN")
     for axes in panels[-2:]:
         axes.set(xlabel="speed, km/h")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False)
+    legend_above(figure, 2, panels[0])
     return Picture(
         "rail-forces", "Peak force over the welds",
         "The worst position in the span at each speed, fits of both tracks by the same engine.", figure,
@@ -151,10 +151,6 @@ def _draw_shape(axes: "Axes", shape: Shape) -> None:
     share = float(np.sum(along**2) / np.sum(shape.wave.displacement**2))
     named = f"{shape.frequency_hz / 1e3:.1f} kHz, {shape.wave.wavenumber_per_m:.1f} rad/m"
     axes.set_title(f"{named}\n{share * 100:.0f} % along the rail", fontsize="x-small")
-
-
-def _say_where(axes: "Axes", at_m: float) -> None:
-    axes.text(0.99, 0.95, f"{at_m * 100:.0f} cm after the sleeper", transform=axes.transAxes, ha="right", va="top")
 
 
 def _over_frequency(axes: "Axes", frequency_hz: FloatArray) -> None:

@@ -9,14 +9,14 @@ from weld_force_ros.measurement import profile_file
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.wheel_path import wheel_path_over
-from weld_force_ros.physics.track import beam as core_tracks
+from weld_force_ros.physics.track import beam as beam_track
 from weld_force_ros.physics.track import waveguide_rail
 from weld_force_ros.physics.track.beam import Rail, StripRail
 from weld_force_ros.physics.track.outline import Dimensions
 from weld_force_ros.simulation import fit_store, section_file, track_file
 from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.studies import rail_figures
-from weld_force_ros.studies.rail_figures import Forces
+from weld_force_ros.studies.rail_figures import RailForces
 from weld_force_ros.studies.result_table import Cell, Column, Table
 from weld_force_ros.studies.study_context import DIP_48, WELDS, Quantities, StudyResult, as_columns
 
@@ -77,7 +77,7 @@ def run(
     at_m = np.array(_SPANS) * beam.track.spacing_m
     receptances = {}
     for name, one in _both(beam, strips):
-        receptances[name] = core_tracks.receptance(one.track, frequency_hz, at_m)
+        receptances[name] = beam_track.receptance(one.track, frequency_hz, at_m)
         advance()
     shapes = _shapes(strips.track.rail)
     advance()
@@ -89,13 +89,13 @@ def run(
         rail_figures.peak_forces(forces),
         rail_figures.wave_shapes(shapes),
     ]
-    found = {
+    tables = {
         "parting": _parting(frequency_hz, at_m, receptances),
         "forces": _force_table(forces),
         "receptance": _receptance_table(frequency_hz, at_m, receptances),
     }
     measured = _claim_quantities(beam, strips, frequency_hz, receptances, forces)
-    return StudyResult("rail", f"Beam and finite strips: {given.track.name}", pictures, found, measured)
+    return StudyResult("rail", f"Beam and finite strips: {given.track.name}", pictures, tables, measured)
 
 
 def _both(beam: TrackDefinition, strips: TrackDefinition) -> tuple[tuple[str, TrackDefinition], ...]:
@@ -104,14 +104,14 @@ def _both(beam: TrackDefinition, strips: TrackDefinition) -> tuple[tuple[str, Tr
 
 def _wavenumbers(rail: Rail, frequency_hz: FloatArray) -> FloatArray:
     """Return wavenumbers (n_wave, n_frequency) of the free rail's travelling waves, without loss; NaN if they decay."""
-    decay = core_tracks.free_decay(replace(rail, loss_factor=0.0), frequency_hz)
+    decay = beam_track.free_decay(replace(rail, loss_factor=0.0), frequency_hz)
     return np.where(np.abs(decay.real) <= 1e-6 * np.abs(decay), np.abs(decay.imag), np.nan)
 
 
 def _shapes(rail: Rail) -> list[rail_figures.Shape]:
     """Return waves of the cross-section at some frequencies."""
     if not isinstance(rail, StripRail):
-        raise TypeError("waves of a section are asked of a beam")
+        raise TypeError("a beam has no waves of a cross-section")
     free = waveguide_rail.rail(rail.section, rail.wear_m, rail.steel, refine=1)  # elements that can be seen
     return [rail_figures.Shape(hz, wave, free.mesh) for hz in SHAPES_HZ for wave in free.travelling(hz)]
 
@@ -122,7 +122,7 @@ def _forces(
     coarse: bool,
     start_progress: Callable[[str, int], Callable[[], None]],
     say: Callable[[str], None],
-) -> list[Forces]:
+) -> list[RailForces]:
     """Simulate the paper's five welds and its shorter dip on both tracks by the same engine."""
     speeds = np.arange(20.0, 301.0, 15.0 if coarse else 5.0)
     positions = np.arange(5 if coarse else 15) * beam.track.spacing_m / (5 if coarse else 15)
@@ -133,16 +133,16 @@ def _forces(
         for name, one in _both(beam, strips)
     }
     advance()
-    found = []
+    forces = []
     for name in names:
         profile = profile_file.read_profile(profile_file.find(name))
-        way = wheel_path_over(np.array(profile.x_m), np.array(profile.z_m), beam.wheel.radius_m)
-        peak_maps = {
-            rail: vehicle_track.peak_map(way, speeds, positions) for rail, vehicle_track in vehicle_tracks.items()
-        }
-        found.append(Forces(name, speeds, peak_maps["beam"], peak_maps["strip"]))
+        wheel_path = wheel_path_over(np.array(profile.x_m), np.array(profile.z_m), beam.wheel.radius_m)
+        beam_map, strip_map = (
+            vehicle_tracks[rail].peak_map(wheel_path, speeds, positions) for rail in ("beam", "strip")
+        )
+        forces.append(RailForces(name, speeds, beam_map, strip_map))
         advance()
-    return found
+    return forces
 
 
 def _parting(frequency_hz: FloatArray, at_m: FloatArray, receptances: dict[str, ComplexArray]) -> Table:
@@ -161,7 +161,7 @@ def _first_over(frequency_hz: FloatArray, apart: FloatArray, share: float) -> fl
     return float(frequency_hz[over[0]]) if len(over) else None
 
 
-def _force_table(forces: list[Forces]) -> Table:
+def _force_table(forces: list[RailForces]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for one in forces:
         row, column = np.unravel_index(np.argmax(np.abs(one.difference)), one.difference.shape)
@@ -193,14 +193,14 @@ def _claim_quantities(
     strips: TrackDefinition,
     frequency_hz: FloatArray,
     receptances: dict[str, ComplexArray],
-    forces: list[Forces],
+    forces: list[RailForces],
 ) -> Quantities:
     apart = np.abs(receptances["strip"] / receptances["beam"] - 1)
     static = {
-        name: core_tracks.static_compliance(one.track, np.array(_SPANS) * one.track.spacing_m)
+        name: beam_track.static_compliance(one.track, np.array(_SPANS) * one.track.spacing_m)
         for name, one in _both(beam, strips)
     }
-    decay = {name: core_tracks.free_decay(one.track.rail, _BENDING_HZ)[:, 0] for name, one in _both(beam, strips)}
+    decay = {name: beam_track.free_decay(one.track.rail, _BENDING_HZ)[:, 0] for name, one in _both(beam, strips)}
     bending = {
         name: float(np.abs(rows[np.abs(rows.real) < np.abs(rows.imag)].imag).max()) for name, rows in decay.items()
     }

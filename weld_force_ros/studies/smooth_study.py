@@ -4,7 +4,7 @@ import numpy as np
 
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report.figures import new_figure
-from weld_force_ros.studies.figure_style import COLOURS, mark_sleepers
+from weld_force_ros.studies.figure_style import COLOURS, legend_above, mark_sleepers
 from weld_force_ros.studies.result_table import Column, Table
 from weld_force_ros.studies.study_context import BILBAO, Picture, Quantities, StudyContext, StudyResult, as_columns
 
@@ -25,7 +25,7 @@ def run(context: StudyContext) -> StudyResult:
         axes.plot((x[shown] - x[0]) * 100, force[shown] / 1e3, color=colour, label=f"{speed:g} km/h")
     mark_sleepers(axes, span_m, _SHOWN_SPANS * span_m)
     axes.set(xlabel="distance from a sleeper, cm", ylabel="contact force, kN")
-    figure.legend(loc="outside upper center", ncols=4, frameon=False)
+    legend_above(figure, 4)
     picture = Picture(
         "smooth-rail", "Smooth rail",
         "The force without any weld: it fluctuates about the static load, the same in each sleeper span. Its peak, "

@@ -8,7 +8,7 @@ import numpy as np
 from weld_force_ros.physics.analysis.spectra import Spectrum, resonances_hz
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.report.figures import GREY, new_figure
-from weld_force_ros.studies.figure_style import COLOURS
+from weld_force_ros.studies.figure_style import COLOURS, label_panel, legend_above
 from weld_force_ros.studies.study_context import Picture
 
 if TYPE_CHECKING:
@@ -30,13 +30,13 @@ class Excitation:
 
 
 def receptance_picture(
-    frequency_hz: FloatArray, receptances: dict[str, ComplexArray], sections_m: FloatArray, where: str
+    frequency_hz: FloatArray, receptances: dict[str, ComplexArray], positions_m: FloatArray, where: str
 ) -> Picture:
     """Draw receptances of the track alone and with the wheelset; `where` names the wheelset's track or place."""
     figure = new_figure(7.0, 6.6)
     above, below = figure.subplots(2, 1, sharex=True)
-    for section, at_m, colour in zip(np.abs(receptances["sections"]), sections_m, COLOURS, strict=False):
-        above.plot(frequency_hz, section * 1e9, color=colour, label=f"{at_m * 100:.0f} cm")
+    for magnitude, at_m, colour in zip(np.abs(receptances["positions"]), positions_m, COLOURS, strict=False):
+        above.plot(frequency_hz, magnitude * 1e9, color=colour, label=f"{at_m * 100:.0f} cm")
     above.legend(title="after a sleeper", frameon=False, loc="lower left", ncols=2)
     shown = {"span_mean": "track, mean over the span", "rolled_over": f"track, {where}",
              "wheelset_track": f"wheelset on the track, {where}"}  # fmt: skip
@@ -70,7 +70,7 @@ def _together(weld: str, excitations: list[Excitation]) -> Picture:
         below.plot(irregularity.frequency_hz, irregularity.amplitude * 1e6, style, color=colour)
     above.set(ylabel="force, kN")
     below.set(xlabel="frequency, Hz", ylabel="irregularity, μm", xlim=_WELD_HZ)
-    figure.legend(loc="outside upper center", ncols=4, frameon=False)
+    legend_above(figure, 4)
     return Picture(
         "spectrum-speeds", f"Spectra of force and irregularity: {weld}",
         "Below: the weld's peaks keep their wavelength and so move with speed. Above: the force has the same "
@@ -83,10 +83,10 @@ def _by_speed(weld: str, excitations: list[Excitation], wheelset: tuple[FloatArr
     panels = figure.subplots(len(excitations), 1, sharex=True, sharey=True)
     for axes, excitation in zip(panels, excitations, strict=True):
         _draw_relative(axes, excitation, wheelset, _WELD_HZ)
-        axes.text(0.99, 0.93, f"{excitation.speed_kmh:g} km/h", transform=axes.transAxes, ha="right", va="top")
+        label_panel(axes, f"{excitation.speed_kmh:g} km/h")
     panels[-1].set(xlabel="frequency, Hz", xlim=_WELD_HZ, ylim=(0, 1.08))
     figure.supylabel("relative to the largest", fontsize="medium")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
+    legend_above(figure, 3, panels[0])
     return Picture(
         "spectrum-resonance", f"Where the weld meets the resonances: {weld}",
         "Each curve relative to its largest value; the two resonances of the wheelset on the track are dotted. The "
@@ -103,7 +103,7 @@ def dip_picture(weld: str, excitation: Excitation, wheelset: tuple[FloatArray, F
     axes.text(cut_hz * 1.03, 1.0, f"{cut_hz:g} Hz", va="top")
     axes.set(ylabel="relative to the largest", ylim=(0, 1.08))
     mark_frequencies(axes, *_DIP_HZ)
-    figure.legend(loc="outside upper center", ncols=3, frameon=False)
+    legend_above(figure, 3)
     return Picture(
         "spectrum-dip", f"Spectrum at {excitation.speed_kmh:g} km/h: {weld}",
         "The short dip excites low frequencies alike: the force's first two peaks lie near the resonances of the "

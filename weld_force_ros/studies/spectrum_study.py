@@ -10,7 +10,7 @@ from weld_force_ros.physics.analysis.spectra import (
     spectral_peaks,
     wheelset_track_receptance,
 )
-from weld_force_ros.physics.arrays import ComplexArray, FloatArray
+from weld_force_ros.physics.arrays import ComplexArray
 from weld_force_ros.physics.track import beam
 from weld_force_ros.simulation import fit_store
 from weld_force_ros.studies import passage_records
@@ -30,10 +30,10 @@ from weld_force_ros.studies.study_context import (
 SPEEDS_KMH = (55.0, 120.0, 145.0, 220.0)
 DIP_KMH = 120.0
 _FREQUENCIES_HZ = np.arange(10.0, 1500.5, 1.0)
-_FIG_5_SPANS = np.array([32, 40, 44, 52, 60]) / 60  # where the paper's Fig. 5 looks, of a span of 60 cm
+_FIG_5_POSITIONS = np.array([32, 40, 44, 52, 60]) / 60  # where the paper's Fig. 5 looks, of a span of 60 cm
 _SHOWN_HZ = 2000.0
 _EVERY = 8  # the record's own resolution, of which the spectrum has eight times as many
-_WEIGHTY = 0.1  # of the largest amplitude
+_LARGE = 0.1  # of the largest amplitude
 _NEAR = 0.1  # of a frequency
 _SHORT_M = 0.4  # wavelengths below it tell how the weld's own peaks move
 
@@ -45,10 +45,10 @@ def run(context: StudyContext) -> StudyResult:
     excitations = [_excitation(context, weld, speed) for speed in SPEEDS_KMH]
     over_dip = [_excitation(context, DIP_48, DIP_KMH)] if context.own_weld is None else []
     wheelset = (_FREQUENCIES_HZ, np.abs(receptances["wheelset_track"][0]))
-    sections_m = _FIG_5_SPANS * context.track(BILBAO).track.spacing_m
+    positions_m = _FIG_5_POSITIONS * context.track(BILBAO).track.spacing_m
     where = "continuous support" if context.track(CONTINUOUS).track.continuous else "over a sleeper"
     pictures = [
-        receptance_picture(_FREQUENCIES_HZ, receptances, sections_m, where),
+        receptance_picture(_FREQUENCIES_HZ, receptances, positions_m, where),
         *weld_pictures(weld, excitations, wheelset),
         *(dip_picture(DIP_48, dip, wheelset, CUT_HZ) for dip in over_dip),
     ]
@@ -62,7 +62,7 @@ def _receptances(context: StudyContext) -> dict[str, ComplexArray]:
     discrete, continuous = context.track(BILBAO).track, context.track(CONTINUOUS)
     span = beam.receptance(discrete, _FREQUENCIES_HZ, beam.sections(discrete, 15))
     return {
-        "sections": beam.receptance(discrete, _FREQUENCIES_HZ, _FIG_5_SPANS * discrete.spacing_m),
+        "positions": beam.receptance(discrete, _FREQUENCIES_HZ, _FIG_5_POSITIONS * discrete.spacing_m),
         "span_mean": span.mean(axis=0, keepdims=True),
         "rolled_over": beam.receptance(continuous.track, _FREQUENCIES_HZ, 0.0),
         "wheelset_track": wheelset_track_receptance(continuous.track, continuous.wheel, _FREQUENCIES_HZ, 0.0),
@@ -119,7 +119,8 @@ def _claim_quantities(
 
 def _track_alone(context: StudyContext, receptances: dict[str, ComplexArray]) -> Quantities:
     pinned_hz = beam.pinned_pinned_hz(context.track(BILBAO).track)
-    ratio = _ratio(receptances["sections"])
+    magnitude = np.abs(receptances["positions"])
+    ratio = magnitude.max(axis=0) / magnitude.min(axis=0)
     near_pinned = np.abs(_FREQUENCIES_HZ / pinned_hz - 1) <= _NEAR
     shared = (_FREQUENCIES_HZ >= 20) & (_FREQUENCIES_HZ <= 800)
     mean, continuous = (np.abs(receptances[name][0][shared]) for name in ("span_mean", "rolled_over"))
@@ -130,11 +131,6 @@ def _track_alone(context: StudyContext, receptances: dict[str, ComplexArray]) ->
         "spectrum.rfp_error_bilbao": fit_store.fitted(context.track(BILBAO), "rfp").error,
         "spectrum.rfp_error_continuous": fit_store.fitted(context.track(CONTINUOUS), "rfp").error,
     }
-
-
-def _ratio(sections: ComplexArray) -> FloatArray:
-    magnitude = np.abs(sections)
-    return np.asarray(magnitude.max(axis=0) / magnitude.min(axis=0))
 
 
 def _weld_1(excitations: list[Excitation]) -> Quantities:
@@ -158,11 +154,11 @@ def _match_share(excitations: list[Excitation]) -> float:
             for own in spectral_peaks(e.irregularity, passage_records.CLEAR)
         )
         for e in excitations
-        for peak in _weighty(e.force)
+        for peak in _large_peaks(e.force)
     ]
     return float(np.mean(met)) if met else float("nan")
 
 
-def _weighty(spectrum: Spectrum) -> list[SpectralPeak]:
-    least = _WEIGHTY * spectrum.amplitude.max()
+def _large_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
+    least = _LARGE * spectrum.amplitude.max()
     return [peak for peak in spectral_peaks(spectrum, passage_records.CLEAR) if peak.amplitude >= least]

@@ -89,7 +89,10 @@ class StudyContext:
         Raises:
             TrackError: a track file that cannot be used.
         """
-        return self._definition(self.own_track or name)
+        used = self.own_track or name
+        if used not in self._definitions:
+            self._definitions[used] = track_file.load(used)
+        return self._definitions[used]
 
     def vehicle_track(self, track: str, *, hertz_n_per_m15: float | None = None) -> VehicleTrackModel:
         """Return the model of wheel and track, with another contact stiffness if given."""
@@ -97,7 +100,10 @@ class StudyContext:
         wheel = definition.wheel
         if hertz_n_per_m15 is not None:
             wheel = replace(wheel, hertz_n_per_m15=hertz_n_per_m15)
-        return self._rig(definition, wheel)
+        key = (definition.text, wheel)
+        if key not in self._vehicle_tracks:
+            self._vehicle_tracks[key] = VehicleTrackModel(fit_store.fitted(definition).model(), wheel)
+        return self._vehicle_tracks[key]
 
     def weld(self, name: str) -> WeldProfile:
         """Return a shipped profile by name, or the user's own."""
@@ -162,17 +168,6 @@ class StudyContext:
     @cached_property
     def _vehicle_tracks(self) -> dict[tuple[str, Wheel], VehicleTrackModel]:
         return {}
-
-    def _definition(self, name: str) -> TrackDefinition:
-        if name not in self._definitions:
-            self._definitions[name] = track_file.load(name)
-        return self._definitions[name]
-
-    def _rig(self, definition: TrackDefinition, wheel: Wheel) -> VehicleTrackModel:
-        key = (definition.text, wheel)
-        if key not in self._vehicle_tracks:
-            self._vehicle_tracks[key] = VehicleTrackModel(fit_store.fitted(definition).model(), wheel)
-        return self._vehicle_tracks[key]
 
 
 def as_columns(*columns: ArrayLike) -> list[tuple[float, ...]]:

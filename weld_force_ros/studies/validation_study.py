@@ -11,7 +11,7 @@ import numpy as np
 from weld_force_ros.physics.analysis.speed_curve import Hollow
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report.figures import GREY, as_text, new_figure
-from weld_force_ros.studies.figure_style import COLOURS
+from weld_force_ros.studies.figure_style import COLOURS, legend_above
 from weld_force_ros.studies.grids import COSINES_M, sampled_cosine
 from weld_force_ros.studies.passage_curves import features, first_maximum, hollow_after_maximum
 from weld_force_ros.studies.result_table import Column, Table
@@ -87,7 +87,7 @@ def _envelope(speeds: FloatArray, peak_n: FloatArray, weld: str, text_kmh: tuple
     for speed in text_kmh:
         axes.axvline(speed, color=GREY, linewidth=1, linestyle=":")
     axes.set(xlabel="speed, km/h", ylabel="peak force, kN", xlim=(0, 300), ylim=(0, None))
-    figure.legend(loc="outside upper center", ncols=3, frameon=False)
+    legend_above(figure, 3)
     return figure
 
 
@@ -97,7 +97,7 @@ def _deeper_flats(speeds: FloatArray, upper_n: dict[str, FloatArray]) -> "Figure
     for (name, upper), colour in zip(upper_n.items(), COLOURS, strict=False):
         axes.plot(speeds, upper / 1e3, color=colour, label=name)
     axes.set(xlabel="speed, km/h", ylabel="largest peak force, kN", xlim=(0, 300), ylim=(0, None))
-    figure.legend(loc="outside upper center", ncols=2, frameon=False)
+    legend_above(figure, 2)
     return figure
 
 
