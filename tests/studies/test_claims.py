@@ -82,25 +82,25 @@ STAYS = Condition(key="length.grows", is_=False)
 )
 def test_a_value_is_judged_by_its_criterion(condition, value, verdict):
     quantity = condition.key.removeprefix("length.")
-    assert judged(claim(condition), **{quantity: value}).verdict == verdict
+    assert judged(claim(condition), **{quantity: value}).result == verdict
 
 
 def test_a_claim_agrees_partly_if_only_some_criteria_hold():
-    assert judged(claim(MAXIMUM, RATIO), maximum_kmh=53.0, ratio=1.0).verdict == "agrees"
-    assert judged(claim(MAXIMUM, RATIO), maximum_kmh=53.0, ratio=0.0).verdict == "partly"
-    assert judged(claim(MAXIMUM, RATIO), maximum_kmh=10.0, ratio=0.0).verdict == "differs"
+    assert judged(claim(MAXIMUM, RATIO), maximum_kmh=53.0, ratio=1.0).result == "agrees"
+    assert judged(claim(MAXIMUM, RATIO), maximum_kmh=53.0, ratio=0.0).result == "partly"
+    assert judged(claim(MAXIMUM, RATIO), maximum_kmh=10.0, ratio=0.0).result == "differs"
 
 
 def test_a_quantity_that_was_not_measured_is_named_whatever_the_others_say():
     verdict = judged(claim(MAXIMUM, RATIO), maximum_kmh=10.0)
-    assert verdict.verdict == "not evaluated"
+    assert verdict.result == "not evaluated"
     assert verdict.why == "Not measured: length.ratio"
     assert verdict.values == {"length.maximum_kmh": 10.0}
 
 
 def test_a_claim_without_criteria_cannot_be_tested_and_says_why():
     verdict = judged(claim(geometry="none"))
-    assert (verdict.verdict, verdict.why) == ("not-testable", "Because it is.")
+    assert (verdict.result, verdict.why) == ("not-testable", "Because it is.")
 
 
 @pytest.mark.parametrize(
@@ -156,12 +156,12 @@ measurements = st.lists(numbers, min_size=1, max_size=4)
         max_size=4,
     )
 )
-def test_the_verdict_counts_what_holds(asked):
+def test_the_result_counts_what_holds(asked):
     conditions = [Condition(key=f"length.q{i}", **{form: limit}) for i, (form, limit, _) in enumerate(asked)]
     held = [
         value > limit if form == "above" else value < limit for form, limit, measured in asked for value in measured
     ]
-    verdict = judged(claim(*conditions), **{f"q{i}": measured for i, (_, _, measured) in enumerate(asked)}).verdict
+    verdict = judged(claim(*conditions), **{f"q{i}": measured for i, (_, _, measured) in enumerate(asked)}).result
     assert (verdict == "agrees") == all(held)
     assert (verdict == "differs") == (not any(held))
     assert verdict in ("agrees", "partly", "differs")
@@ -265,4 +265,4 @@ def test_the_shipped_tolerances_are_those_set_for_the_length_study(key, stated_k
 
 
 def test_nothing_measured_leaves_every_shipped_claim_open():
-    assert {verdict.verdict for verdict in claims.evaluate(SHIPPED, {})} == {"not evaluated", "not-testable"}
+    assert {verdict.result for verdict in claims.evaluate(SHIPPED, {})} == {"not evaluated", "not-testable"}

@@ -1,4 +1,4 @@
-"""`study all` at reduced resolution: what it leaves, and that a claim's verdict hangs on what was measured."""
+"""`study all` at reduced resolution: what it leaves, and that a claim's result depends on what was measured."""
 
 import json
 import re

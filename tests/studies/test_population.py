@@ -2,7 +2,7 @@
 
 import os
 
-# As in tests/core: a second BLAS thread slows small factorisations down on a busy machine.
+# A second BLAS thread slows small factorisations down on a busy machine.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np

@@ -163,7 +163,7 @@ def test_the_leading_peaks_place_is_that_of_the_nearest_speed():
     assert math.isnan(passage_records.place_at(np.array([20.0, 30.0, 40.0]), peak_map, math.nan))
 
 
-def test_a_parted_force_by_hand():
+def test_a_split_force_by_hand():
     """A slow half wave of 10 kN, 0.2 m long, and on it a fast one of 4 kN, downwards at the slow one's summit."""
     x = np.arange(-1.0, 1.0, 0.25e-3)
     low = np.where(np.abs(x) < 0.15, 10e3 * np.cos(np.pi * x / 0.2), 0.0)

@@ -1,4 +1,4 @@
-"""Studies: their statistics by hand, the whole study on a small grid, and what is kept of the reference."""
+"""Studies: their statistics by hand, the whole study on a small grid, and what is stored of the reference."""
 
 import csv
 import json
@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path
 
-# As in tests/core: a second BLAS thread slows small factorisations down on a busy machine.
+# A second BLAS thread slows small factorisations down on a busy machine.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
@@ -132,17 +132,17 @@ def counted(monkeypatch) -> list[int]:
 def test_reference_peaks_are_computed_once_for_each_track_wheel_shape_speed_and_position(tmp_path, counted):
     jn, bilbao = track_file.load("johansson-nielsen"), track_file.load("bilbao")
     flat, dip = (wheel_path(shape, jn) for shape in ("wheel-flat-1mm", "cosine-dip-48mm"))
-    kept, at = ReferencePeaks(tmp_path), np.array([0.0, 0.3])
-    first = kept.at_speed(jn, [flat], 100.0, at)
+    stored, at = ReferencePeaks(tmp_path), np.array([0.0, 0.3])
+    first = stored.at_speed(jn, [flat], 100.0, at)
     assert np.array_equal(ReferencePeaks(tmp_path).at_speed(jn, [flat], 100.0, at), first)
     assert counted == [1]
-    both = kept.at_speed(jn, [dip, flat], 100.0, at)  # the known shape is not computed again
+    both = stored.at_speed(jn, [dip, flat], 100.0, at)  # the known shape is not computed again
     assert counted == [1, 1]
     assert np.array_equal(both[1], first[0])
     assert not np.array_equal(both[0], first[0])
-    kept.at_speed(bilbao, [flat], 100.0, at)
-    kept.at_speed(jn, [flat], 101.0, at)
-    kept.at_speed(jn, [flat], 100.0, at + 0.01)
+    stored.at_speed(bilbao, [flat], 100.0, at)
+    stored.at_speed(jn, [flat], 101.0, at)
+    stored.at_speed(jn, [flat], 100.0, at + 0.01)
     assert counted == [1, 1, 1, 1, 1]
 
 

@@ -5,7 +5,7 @@ import re
 from importlib import import_module
 from importlib.resources import files
 
-# As in tests/core: a second BLAS thread slows small factorisations down on a busy machine.
+# A second BLAS thread slows small factorisations down on a busy machine.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np

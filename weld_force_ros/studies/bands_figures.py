@@ -34,8 +34,8 @@ def parts(weld: str, name: str, passages: Sequence[BandSplit], shown_m: tuple[fl
     legend_above(figure, 3, panels[0])
     return Picture(
         name, f"Force below and above 530 Hz: {weld}",
-        "Where the parts have opposite signs at the peak, it is lowered and parts; where they have the same sign, they "
-        "add up. The part below 530 Hz lengthens and moves in the running direction with speed.", figure,
+        "Where the parts have opposite signs at the peak, it is lowered and splits; where they have the same sign, "
+        "they add up. The part below 530 Hz lengthens and moves in the running direction with speed.", figure,
     )  # fmt: skip
 
 

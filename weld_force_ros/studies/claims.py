@@ -26,7 +26,7 @@ StudyName: TypeAlias = Literal[
 ClaimResult: TypeAlias = Literal["agrees", "partly", "differs", "not evaluated", "not-testable"]
 
 GEOMETRIES: tuple[GeometrySource, ...] = ("exact", "assumed", "none")
-VERDICTS: tuple[ClaimResult, ...] = ("agrees", "partly", "differs", "not evaluated", "not-testable")
+RESULTS: tuple[ClaimResult, ...] = ("agrees", "partly", "differs", "not evaluated", "not-testable")
 
 _Text = Annotated[str, Meta(min_length=1, max_length=1000)]
 _Key = Annotated[str, Meta(pattern=r"^[a-z]+\.[a-z0-9_]+$")]
@@ -49,8 +49,8 @@ class Condition(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields
 
     def problem(self) -> str | None:
         """Return why this condition cannot be checked, or None."""
-        asked = [form for form in (self.within, self.above, self.below, self.is_) if form is not None]
-        if len(asked) != 1:
+        forms = [form for form in (self.within, self.above, self.below, self.is_) if form is not None]
+        if len(forms) != 1:
             return f"{self.key} needs exactly one of within, above, below, is"
         ends = self.within or (0.0, self.above or self.below or 0.0)
         if not all(map(math.isfinite, ends)) or (self.within and ends[0] > ends[1]):
@@ -67,7 +67,7 @@ class Condition(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields
             return [self._flag(value) is self.is_]
         return [self._met(number) for number in self._numbers(value)] or [False]
 
-    def asked(self) -> str:
+    def in_words(self) -> str:
         """Return the condition in words, without the quantity."""
         unit = _unit(self.key)
         if self.within is not None:
@@ -77,7 +77,7 @@ class Condition(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields
             return f"above {self.above:g}{unit}"
         return f"below {self.below:g}{unit}" if self.below is not None else _yes_or_no(bool(self.is_))
 
-    def found(self, value: Quantity) -> str:
+    def value_in_words(self, value: Quantity) -> str:
         """Return the value in words: `54.1 km/h`, `yes`, `13 of 15, 71 to 96 km/h`."""
         if self.is_ is not None:
             return _yes_or_no(self._flag(value))
@@ -148,7 +148,7 @@ class JudgedClaim(msgspec.Struct, kw_only=True, frozen=True):
     note: str
     measured: str
     values: dict[str, float | bool | str | list[float | None] | None]
-    verdict: ClaimResult = msgspec.field(name="result")
+    result: ClaimResult
     why: str
 
 
@@ -214,7 +214,7 @@ def table(judged: Sequence[JudgedClaim]) -> Table:
         Column("measured", "measured"),
         Column("why"),
     )
-    rows = [(j.id, j.place, j.statement, j.geometry, j.verdict, j.measured, j.why) for j in judged]
+    rows = [(j.id, j.place, j.statement, j.geometry, j.result, j.measured, j.why) for j in judged]
     return Table("What the paper says and what was measured", columns, list(rows))
 
 
@@ -222,7 +222,7 @@ def summary(judged: Sequence[JudgedClaim]) -> Table:
     """Count the claims by geometry and result, with the share of those evaluated that agree."""
     columns = (
         Column("geometry", "geometry"),
-        *(Column(verdict.replace(" ", "_").replace("-", "_"), verdict) for verdict in VERDICTS),
+        *(Column(result.replace(" ", "_").replace("-", "_"), result) for result in RESULTS),
         Column("agree_percent", "agree %", 0),
     )
     rows = [(geometry, *_counts([j for j in judged if j.geometry == geometry])) for geometry in GEOMETRIES]
@@ -230,7 +230,7 @@ def summary(judged: Sequence[JudgedClaim]) -> Table:
 
 
 def _counts(judged: Sequence[JudgedClaim]) -> tuple[float | None, ...]:
-    counts = [sum(j.verdict == verdict for j in judged) for verdict in VERDICTS]
+    counts = [sum(j.result == result for j in judged) for result in RESULTS]
     evaluated = sum(counts[:3])
     return (*counts, 100 * counts[0] / evaluated if evaluated else None)
 
@@ -241,11 +241,11 @@ def _judge(claim: Claim, measured: Mapping[str, Quantity]) -> JudgedClaim:
     missing = [c.key for c in claim.criteria if c.key not in values]
     holds = [held for condition in known for held in condition.holds(values[condition.key])]
     if not claim.criteria:
-        verdict: ClaimResult = "not-testable"
+        result: ClaimResult = "not-testable"
     elif missing:
-        verdict = "not evaluated"
+        result = "not evaluated"
     else:
-        verdict = "agrees" if all(holds) else "partly" if any(holds) else "differs"
+        result = "agrees" if all(holds) else "partly" if any(holds) else "differs"
     failed = [c for c in known if not all(c.holds(values[c.key]))]
     return JudgedClaim(
         id=claim.id,
@@ -253,14 +253,14 @@ def _judge(claim: Claim, measured: Mapping[str, Quantity]) -> JudgedClaim:
         place=claim.place,
         study=claim.study,
         geometry=claim.geometry,
-        criterion="; ".join(f"{_label(c, len(claim.criteria))}{c.asked()}" for c in claim.criteria),
+        criterion="; ".join(f"{_label(c, len(claim.criteria))}{c.in_words()}" for c in claim.criteria),
         note=claim.note,
         measured="; ".join(
-            f"{_label(c, len(claim.criteria))}{c.found(values[c.key])}, asked: {c.asked()}" for c in known
+            f"{_label(c, len(claim.criteria))}{c.value_in_words(values[c.key])}, asked: {c.in_words()}" for c in known
         ),
         values={key: _jsonable(value) for key, value in values.items()},
-        verdict=verdict,
-        why=_why(claim, verdict, missing, failed),
+        result=result,
+        why=_why(claim, result, missing, failed),
     )
 
 
@@ -269,12 +269,12 @@ def _label(condition: Condition, count: int) -> str:
     return f"{_quantity(condition.key)} " if count > 1 else ""
 
 
-def _why(claim: Claim, verdict: ClaimResult, missing: Sequence[str], failed: Sequence[Condition]) -> str:
-    if verdict == "not-testable":
+def _why(claim: Claim, result: ClaimResult, missing: Sequence[str], failed: Sequence[Condition]) -> str:
+    if result == "not-testable":
         return claim.note
-    if verdict == "not evaluated":
+    if result == "not evaluated":
         return f"Not measured: {', '.join(missing)}"
-    if verdict == "agrees":
+    if result == "agrees":
         return "As asked"
     unmet = ", ".join(_quantity(condition.key) for condition in failed)
     reasons = [f"Not as asked: {unmet}", claim.if_not, claim.found]

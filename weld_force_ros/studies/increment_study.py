@@ -163,11 +163,11 @@ def _claim_quantities(
     cells = [int(shape.hollow.sum()) for shape in hollows]
     near = within(positions, 0.15, 0.35)
     curves = [features(speeds, force) for force in increment[:, near].T]
-    kept = [any(120 <= hollow.lowest_kmh <= 200 for hollow in curve.hollows) for curve in curves]
+    has_hollow = [any(120 <= hollow.lowest_kmh <= 200 for hollow in curve.hollows) for curve in curves]
     above = dynamic > increment
     return {
         "increment.hollow_cells_ratio": cells[1] / cells[0] if cells[0] else np.nan,
-        "increment.hollow_share_120_200kmh_15_35cm": float(np.mean(kept)),
+        "increment.hollow_share_120_200kmh_15_35cm": float(np.mean(has_hollow)),
         "increment.spread_ratio": _spread(increment) / _spread(dynamic),
         "increment.roughness_ratio": _roughness(increment) / _roughness(dynamic),
         "increment.sleeper_distance_highest_m": _sleeper_distance_of_highest(positions, increment, span_m),

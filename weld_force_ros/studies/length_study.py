@@ -13,7 +13,7 @@ from weld_force_ros.studies.result_table import Cell, Column, Table
 from weld_force_ros.studies.study_context import CONTINUOUS, Picture, Quantities, StudyContext, StudyResult, as_columns
 from weld_force_ros.studies.variants import Variant
 
-_PARTING_KMH = (53.0, 74.0, 100.0, 124.0)
+_SPLITTING_KMH = (53.0, 74.0, 100.0, 124.0)
 _ANGLE_KMH = 74.0
 _LENGTHS_MM = (48, 96)
 _SHAPE_KMH = np.arange(20.0, 151.0)
@@ -26,7 +26,7 @@ def run(context: StudyContext) -> StudyResult:
     welds = variants.by_length(context)
     vehicle_track = context.vehicle_track(CONTINUOUS)
     peak_maps = list(vehicle_track.peak_maps([weld.wheel_path for weld in welds], speeds, [0.0]))
-    parting = [vehicle_track.history(welds[0].wheel_path, speed, 0.0) for speed in _PARTING_KMH]
+    splitting = [vehicle_track.history(welds[0].wheel_path, speed, 0.0) for speed in _SPLITTING_KMH]
     rows: list[tuple[Cell, ...]] = [(weld.label, *row) for weld, peak_map in zip(welds, peak_maps, strict=True)
             for row in as_columns(speeds, peak_map.peak_force_n, peak_map.peak_x_m)]  # fmt: skip
     table = Table(
@@ -34,7 +34,11 @@ def run(context: StudyContext) -> StudyResult:
         (Column("weld", "weld"), Column("speed_kmh", "km/h", 0), Column("peak_force_n", "N", 0),
          Column("peak_x_m", "m behind the weld's centre", 4)), rows,
     )  # fmt: skip
-    pictures = [_curves(welds, speeds, peak_maps), _stretched(welds, speeds, peak_maps), _parting(welds[0], parting)]
+    pictures = [
+        _curves(welds, speeds, peak_maps),
+        _stretched(welds, speeds, peak_maps),
+        _splitting(welds[0], splitting),
+    ]
     measured = _claim_quantities(context, speeds, peak_maps) if context.uses_paper_inputs else {}
     return StudyResult("length", "Length of the weld", pictures, {"curves": table}, measured)
 
@@ -84,14 +88,14 @@ def _stretched(welds: list[Variant], speeds: FloatArray, peak_maps: list[PeakMap
     )  # fmt: skip
 
 
-def _parting(weld: Variant, histories: list[History]) -> Picture:
+def _splitting(weld: Variant, histories: list[History]) -> Picture:
     figure = new_figure(7.0, 6.2)
     panels = figure.subplots(len(histories) + 1, 1, sharex=True, height_ratios=[1.0, *[2.0] * len(histories)])
     first_m, last_m = weld.wheel_path.nonzero_extent_m
     shown_m = (first_m - 0.02, last_m + _BEHIND_M)
     highest = max(float(passage.force_n.max()) for passage in histories) / 1e3
     lowest = min(float(passage.force_n.min()) for passage in histories) / 1e3
-    for axes, passage, speed in zip(panels[1:], histories, _PARTING_KMH, strict=True):
+    for axes, passage, speed in zip(panels[1:], histories, _SPLITTING_KMH, strict=True):
         axes.plot(passage.x_m * 1e3, passage.force_n / 1e3, color=COLOURS[0])
         axes.set(ylim=(lowest - 2, highest + 2))
         label_panel(axes, f"{speed:g} km/h")
@@ -100,8 +104,8 @@ def _parting(weld: Variant, histories: list[History]) -> Picture:
     figure.supylabel("contact force, kN", fontsize="medium")
     panels[-1].set(xlabel="distance behind the weld's centre, mm")
     return Picture(
-        "length-parting", f"How the peak parts: {weld.label}",
-        "The force while the wheel rolls over the weld (top: the wheel centre's way). With speed the peak parts into "
+        "length-parting", f"How the peak splits: {weld.label}",
+        "The force while the wheel rolls over the weld (top: the wheel centre's path). With speed the peak splits into "
         "one that stays with the weld and one that moves in the running direction.", figure,
     )  # fmt: skip
 

@@ -44,8 +44,8 @@ def run(context: StudyContext) -> StudyResult:
     pictures = [
         Picture(
             "population-profiles", "Synthetic welds",
-            "The first three welds of each class, and of those with the least gradients. How a weld was made is not "
-            "asked: its geometry decides.", figures.examples(simulated_welds),
+            "The first three welds of each class, and of those with the least gradients. How a weld was made does "
+            "not count: its geometry decides.", figures.examples(simulated_welds),
         ),
         Picture(
             "population-hollows", "Does the force fall with speed?",
@@ -123,7 +123,7 @@ def _welds(simulated_welds: list[SimulatedWeld]) -> Table:
         "weld_id", *asdict(simulated_welds[0].weld.parameters), "class", "dip_m", "protrusion_m", "gradient_rad",
         "position_m", "monotonic", "deepest_fall", "linearity_r2", "largest_peak_force_n",
     )  # fmt: skip
-    return Table("Welds: made with, classified, rolled over", tuple(map(Column, names)), rows)
+    return Table("Welds: parameters, class of the geometry, force-speed curves", tuple(map(Column, names)), rows)
 
 
 def _inversions(speeds: FloatArray, pairs: InvertedDips) -> Table:

@@ -99,7 +99,7 @@ def differences(frequency_hz: FloatArray, at_m: FloatArray, found: dict[str, Com
     axes.set(yscale="log", ylabel="difference of receptance, %", ylim=(0.1, 500))
     _over_frequency(axes, frequency_hz)
     axes.legend(frameon=False, loc="upper left")
-    return Picture("rail-differences", "Where beam and strips part", "Dotted: five per cent.", figure)
+    return Picture("rail-differences", "Where beam and strips differ", "Dotted: five per cent.", figure)
 
 
 def peak_forces(forces: Sequence[RailForces]) -> Picture:

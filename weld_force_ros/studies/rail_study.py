@@ -21,7 +21,7 @@ from weld_force_ros.studies.result_table import Cell, Column, Table
 from weld_force_ros.studies.study_context import DIP_48, WELDS, Quantities, StudyResult, as_columns
 
 HIGHEST_HZ = 5000.0
-PARTING = (0.05, 0.10, 0.20)
+DIFFERENCES = (0.05, 0.10, 0.20)
 SHAPES_HZ = (1000.0, 4800.0)
 _SPANS = (0.0, 0.25, 0.5)
 _STEP_HZ = 10.0
@@ -90,7 +90,7 @@ def run(
         rail_figures.wave_shapes(shapes),
     ]
     tables = {
-        "parting": _parting(frequency_hz, at_m, receptances),
+        "parting": _difference_table(frequency_hz, at_m, receptances),
         "forces": _force_table(forces),
         "receptance": _receptance_table(frequency_hz, at_m, receptances),
     }
@@ -145,15 +145,17 @@ def _forces(
     return forces
 
 
-def _parting(frequency_hz: FloatArray, at_m: FloatArray, receptances: dict[str, ComplexArray]) -> Table:
+def _difference_table(frequency_hz: FloatArray, at_m: FloatArray, receptances: dict[str, ComplexArray]) -> Table:
     apart = np.abs(receptances["strip"] / receptances["beam"] - 1)
     columns = [Column("at_m", "after the sleeper, m", 2), Column("below_500hz", "most below 500 Hz, %", 1)]
-    columns += [Column(f"over_{share * 100:g}_percent_hz", f"first over {share * 100:g} %, Hz", 0) for share in PARTING]
+    columns += [
+        Column(f"over_{share * 100:g}_percent_hz", f"first over {share * 100:g} %, Hz", 0) for share in DIFFERENCES
+    ]
     rows: list[tuple[Cell, ...]] = []
     for x, row in zip(at_m.tolist(), apart, strict=True):
         most = float(row[frequency_hz < _BELOW_HZ].max()) * 100
-        rows.append((x, most, *(_first_over(frequency_hz, row, share) for share in PARTING)))
-    return Table("Where the receptances part", tuple(columns), rows)
+        rows.append((x, most, *(_first_over(frequency_hz, row, share) for share in DIFFERENCES)))
+    return Table("Where the receptances differ", tuple(columns), rows)
 
 
 def _first_over(frequency_hz: FloatArray, apart: FloatArray, share: float) -> float | None:
