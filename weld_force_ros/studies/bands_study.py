@@ -9,7 +9,7 @@ from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.studies import bands_figures, passage_curves, passage_records, variants
 from weld_force_ros.studies.band_split import BandSplit
 from weld_force_ros.studies.result_table import Column, Table
-from weld_force_ros.studies.study_context import CONTINUOUS, Quantities, StudyContext, StudyResult, as_columns
+from weld_force_ros.studies.study_context import CONTINUOUS, Quantities, StudyContext, StudyResult, as_rows
 from weld_force_ros.studies.variants import Variant
 
 DIP_KMH = (50.0, 80.0, 120.0, 200.0)
@@ -56,7 +56,7 @@ def _parts_table(welds: list[Variant], passages: list[dict[float, BandSplit]], s
         for speed, split in by_speed.items():
             x = split.passage.x_m
             inside = (x >= shown_m[0]) & (x <= shown_m[1])
-            cells = as_columns(x[inside], split.low_n[inside], split.parts.high_n[inside])
+            cells = as_rows(x[inside], split.low_n[inside], split.parts.high_n[inside])
             rows += [(weld.label, speed, *row) for row in cells]
     return Table(
         "Dynamic force below and above 530 Hz",
@@ -70,7 +70,7 @@ def _curves_table(welds: list[Variant], speeds: FloatArray, peak_maps: list[Peak
         "Peak force over a weld and the same upside down",
         (Column("weld", "weld"), Column("speed_kmh", "km/h", 0), Column("peak_force_n", "N", 0)),
         [(weld.label, *row) for weld, peak_map in zip(welds, peak_maps, strict=True)
-         for row in as_columns(speeds, peak_map.peak_force_n)],
+         for row in as_rows(speeds, peak_map.peak_force_n)],
     )  # fmt: skip
 
 

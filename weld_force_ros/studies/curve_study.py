@@ -28,7 +28,7 @@ from weld_force_ros.studies.study_context import (
     Quantities,
     StudyContext,
     StudyResult,
-    as_columns,
+    as_rows,
 )
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def run(context: StudyContext) -> StudyResult:
         "curve": Table(
             "Peak force against speed",
             (Column("speed_kmh", "km/h", 0), Column("peak_force_n", "peak N", 0), Column("peak_x_m", "at m", 3)),
-            as_columns(speeds, peak_map.peak_force_n, peak_map.peak_x_m),
+            as_rows(speeds, peak_map.peak_force_n, peak_map.peak_x_m),
         ),
         "histories": Table(
             "Force along the rail; x from the weld's centre",
@@ -114,7 +114,7 @@ def _impact_table(impacts: dict[float, ImpactForces | None]) -> Table:
 def _rows(history: History) -> list[tuple[float, ...]]:
     x = history.x_m - POSITION_M
     shown = np.flatnonzero((x >= _SHOWN_M[0]) & (x <= _SHOWN_M[1]))[::_EVERY]
-    return as_columns(x[shown], history.force_n[shown])
+    return as_rows(x[shown], history.force_n[shown])
 
 
 def _draw(

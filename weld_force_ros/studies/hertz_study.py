@@ -8,7 +8,7 @@ from weld_force_ros.report.figures import as_text, new_figure
 from weld_force_ros.studies import passage_curves, variants
 from weld_force_ros.studies.figure_style import COLOURS, legend_above
 from weld_force_ros.studies.result_table import Column, Table
-from weld_force_ros.studies.study_context import CONTINUOUS, Picture, Quantities, StudyContext, StudyResult, as_columns
+from weld_force_ros.studies.study_context import CONTINUOUS, Picture, Quantities, StudyContext, StudyResult, as_rows
 from weld_force_ros.studies.variants import Variant
 
 STIFFNESSES_GN_PER_M15 = (50.0, 75.0, 93.7, 100.0)
@@ -28,7 +28,7 @@ def run(context: StudyContext) -> StudyResult:
          Column("peak_force_n", "N", 0), Column("peak_x_m", "m behind the weld's centre", 4)),
         [(weld.label, stiffness, *row) for stiffness, row_of in zip(STIFFNESSES_GN_PER_M15, peak_maps, strict=True)
          for weld, peak_map in zip(welds, row_of, strict=True)
-         for row in as_columns(speeds, peak_map.peak_force_n, peak_map.peak_x_m)],
+         for row in as_rows(speeds, peak_map.peak_force_n, peak_map.peak_x_m)],
     )  # fmt: skip
     pictures = [_curves(welds, speeds, peak_maps), _changes(context, welds, speeds, peak_maps)]
     measured = _claim_quantities(context, speeds, peak_maps[0], peak_maps[-1]) if context.uses_paper_inputs else {}

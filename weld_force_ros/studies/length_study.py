@@ -10,7 +10,7 @@ from weld_force_ros.report.figures import GREY, as_text, new_figure
 from weld_force_ros.studies import passage_curves, passage_records, variants
 from weld_force_ros.studies.figure_style import COLOURS, label_panel, legend_above
 from weld_force_ros.studies.result_table import Cell, Column, Table
-from weld_force_ros.studies.study_context import CONTINUOUS, Picture, Quantities, StudyContext, StudyResult, as_columns
+from weld_force_ros.studies.study_context import CONTINUOUS, Picture, Quantities, StudyContext, StudyResult, as_rows
 from weld_force_ros.studies.variants import Variant
 
 _SPLITTING_KMH = (53.0, 74.0, 100.0, 124.0)
@@ -28,7 +28,7 @@ def run(context: StudyContext) -> StudyResult:
     peak_maps = list(vehicle_track.peak_maps([weld.wheel_path for weld in welds], speeds, [0.0]))
     splitting = [vehicle_track.history(welds[0].wheel_path, speed, 0.0) for speed in _SPLITTING_KMH]
     rows: list[tuple[Cell, ...]] = [(weld.label, *row) for weld, peak_map in zip(welds, peak_maps, strict=True)
-            for row in as_columns(speeds, peak_map.peak_force_n, peak_map.peak_x_m)]  # fmt: skip
+            for row in as_rows(speeds, peak_map.peak_force_n, peak_map.peak_x_m)]  # fmt: skip
     table = Table(
         "Peak force over both lengths",
         (Column("weld", "weld"), Column("speed_kmh", "km/h", 0), Column("peak_force_n", "N", 0),

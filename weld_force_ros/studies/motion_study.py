@@ -19,7 +19,7 @@ from weld_force_ros.studies.study_context import (
     Quantities,
     StudyContext,
     StudyResult,
-    as_columns,
+    as_rows,
 )
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def run(context: StudyContext) -> StudyResult:
         Column("weld_height_m", "height m", 6),
     )  # fmt: skip
     rows = [
-        (speed, *row) for speed, m in motions.items() for row in as_columns(*(column[::_EVERY] for column in m.columns))
+        (speed, *row) for speed, m in motions.items() for row in as_rows(*(column[::_EVERY] for column in m.columns))
     ]
     table = Table(f"Wheel and rail over {weld}; x from its centre", columns, rows)
     return StudyResult("motion", "Motion of wheel and rail", pictures, {"motion": table}, measured)

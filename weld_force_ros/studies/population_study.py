@@ -29,7 +29,7 @@ from weld_force_ros.studies.simulated_population import (
     simulate_welds,
     with_hollow,
 )
-from weld_force_ros.studies.study_context import BILBAO, Picture, Quantities, StudyContext, StudyResult, as_columns
+from weld_force_ros.studies.study_context import BILBAO, Picture, Quantities, StudyContext, StudyResult, as_rows
 
 COUNT, COARSE_COUNT, SEED = 500, 60, 2018
 
@@ -135,7 +135,7 @@ def _inversions(speeds: FloatArray, pairs: InvertedDips) -> Table:
     )  # fmt: skip
     return Table(
         "Dynamic force over dips, relative to the same inverted", columns,
-        as_columns(speeds, below, *ratio_quartiles(pairs)),
+        as_rows(speeds, below, *ratio_quartiles(pairs)),
     )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.studies import rail_figures
 from weld_force_ros.studies.rail_figures import RailForces
 from weld_force_ros.studies.result_table import Cell, Column, Table
-from weld_force_ros.studies.study_context import DIP_48, WELDS, Quantities, StudyResult, as_columns
+from weld_force_ros.studies.study_context import DIP_48, WELDS, Quantities, StudyResult, as_rows
 
 HIGHEST_HZ = 5000.0
 DIFFERENCES = (0.05, 0.10, 0.20)
@@ -187,7 +187,7 @@ def _receptance_table(frequency_hz: FloatArray, at_m: FloatArray, receptances: d
     columns = [Column("frequency_hz", "Hz", 0)]
     columns += [Column(f"{name}_at_{x * 100:.0f}_cm_m_per_n") for name in receptances for x in at_m]
     magnitudes = [np.abs(row) for rows in receptances.values() for row in rows]
-    return Table("Magnitude of receptance", tuple(columns), as_columns(frequency_hz, *magnitudes))
+    return Table("Magnitude of receptance", tuple(columns), as_rows(frequency_hz, *magnitudes))
 
 
 def _claim_quantities(

@@ -6,7 +6,7 @@ from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report.figures import new_figure
 from weld_force_ros.studies.figure_style import COLOURS, legend_above, mark_sleepers
 from weld_force_ros.studies.result_table import Column, Table
-from weld_force_ros.studies.study_context import BILBAO, Picture, Quantities, StudyContext, StudyResult, as_columns
+from weld_force_ros.studies.study_context import BILBAO, Picture, Quantities, StudyContext, StudyResult, as_rows
 
 SPEEDS_KMH = (100.0, 150.0, 200.0, 250.0)
 _SPANS = 8
@@ -34,7 +34,7 @@ def run(context: StudyContext) -> StudyResult:
     rows = [
         (speed, *row)
         for speed, (x, force) in zip(SPEEDS_KMH, spans, strict=True)
-        for row in as_columns(x[: len(x) // _SPANS] - x[0], force[: len(x) // _SPANS])
+        for row in as_rows(x[: len(x) // _SPANS] - x[0], force[: len(x) // _SPANS])
     ]
     table = Table(
         "Force on smooth rail over one span",

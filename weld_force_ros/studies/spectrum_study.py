@@ -24,7 +24,7 @@ from weld_force_ros.studies.study_context import (
     Quantities,
     StudyContext,
     StudyResult,
-    as_columns,
+    as_rows,
 )
 
 SPEEDS_KMH = (55.0, 120.0, 145.0, 220.0)
@@ -84,7 +84,7 @@ def _receptance_table(receptances: dict[str, ComplexArray]) -> Table:
         (Column("frequency_hz", "Hz", 0), Column("span_mean_m_per_n", "mean over the span, m/N"),
          Column("rolled_over_m_per_n", "track rolled over, m/N"),
          Column("wheelset_track_m_per_n", "with the wheelset, m/N")),
-        as_columns(_FREQUENCIES_HZ, *(np.abs(receptances[name][0]) for name in names)),
+        as_rows(_FREQUENCIES_HZ, *(np.abs(receptances[name][0]) for name in names)),
     )  # fmt: skip
 
 
@@ -98,7 +98,7 @@ def _spectra_table(excitations: list[Excitation]) -> Table:
         force, irregularity = excitation.force, excitation.irregularity
         shown = slice(_EVERY - 1, int(np.searchsorted(force.frequency_hz, _SHOWN_HZ)), _EVERY)
         cells = (force.frequency_hz, force.wavelength_m, force.amplitude, irregularity.amplitude)
-        rows += [(excitation.weld, excitation.speed_kmh, *row) for row in as_columns(*(c[shown] for c in cells))]
+        rows += [(excitation.weld, excitation.speed_kmh, *row) for row in as_rows(*(c[shown] for c in cells))]
     return Table("Spectra of force and irregularity", columns, rows)
 
 

@@ -170,7 +170,7 @@ class StudyContext:
         return {}
 
 
-def as_columns(*columns: ArrayLike) -> list[tuple[float, ...]]:
+def as_rows(*columns: ArrayLike) -> list[tuple[float, ...]]:
     """Return columns of equal length as a table's rows."""
     return [tuple(float(cell) for cell in row) for row in zip(*map(np.ravel, map(np.asarray, columns)), strict=True)]
 
@@ -180,4 +180,4 @@ def grid_rows(
 ) -> list[tuple[float, ...]]:
     """Return rows of speed, position and values that are (n_speed, n_position) each."""
     speed, position = np.meshgrid(speeds_kmh, positions_m, indexing="ij")
-    return as_columns(speed, position, *values)
+    return as_rows(speed, position, *values)

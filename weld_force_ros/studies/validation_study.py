@@ -22,7 +22,7 @@ from weld_force_ros.studies.study_context import (
     Quantities,
     StudyContext,
     StudyResult,
-    as_columns,
+    as_rows,
     grid_rows,
 )
 
@@ -66,7 +66,7 @@ def run(context: StudyContext) -> StudyResult:
             )
         )  # fmt: skip
         columns = (Column("speed_kmh", "km/h", 0), *(Column(f"upper_n_{name}", f"{name}, N", 0) for name in upper))
-        tables["deeper"] = Table("Largest peak force of all positions", columns, as_columns(speeds, *upper.values()))
+        tables["deeper"] = Table("Largest peak force of all positions", columns, as_rows(speeds, *upper.values()))
     measured = _claim_quantities(context, speeds, positions, peak_n) if context.uses_paper_inputs else {}
     return StudyResult("validation", "Wheel flats", pictures, tables, measured)
 
