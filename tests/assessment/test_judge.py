@@ -313,3 +313,12 @@ def test_each_weld_of_a_batch_took_its_own_share_of_the_time(simulator: Simulato
     assert min(took) > 0.0
     assert sum(took) <= total
     assert max(took) < total / 2  # not the whole batch's on the first
+
+
+@pytest.mark.parametrize("engine", ["common-poles", "reference"])
+def test_a_simulator_of_one_thread_starts_no_other(engine: str, monkeypatch: pytest.MonkeyPatch):
+    simulator = Simulator(
+        simulation_settings(track="bilbao-viscous", engine=engine, speeds_kmh=[80.0], positions=[0.1]), threads=1
+    )
+    monkeypatch.setattr(threading.Thread, "start", lambda thread: pytest.fail(f"{thread.name} was started"))
+    assert len(list(simulator.force_maps([profile(), profile(depth_m=0.2e-3)]))) == 2

@@ -192,7 +192,7 @@ class Adviser:
         self._threads = threads
         self._simulator = Simulator(_fast(settings), on_fit=on_fit, threads=threads)
         track = track_file.parse(settings.track_definition, settings.track).track
-        self._reference = GreensFunctionModel(track, self._simulator.vehicle_track.wheel)
+        self._reference = GreensFunctionModel(track, self._simulator.vehicle_track.wheel, threads=threads)
 
     def advise(self, profile: WeldProfile, *, on_step: Callable[[], None] = lambda: None) -> GrindingAdvice:
         """Return the minimum removal that brings a weld within its limits at all relevant speeds and positions.
