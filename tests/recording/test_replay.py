@@ -83,7 +83,17 @@ def test_a_verdict_without_a_map_is_reported(tmp_path, messages):
 
 
 def test_settings_missing_from_the_bag_are_named(tmp_path, messages):
-    assert "simulation settings" in differences(recorded(tmp_path, messages[1:]))[0]
+    found = differences(recorded(tmp_path, messages[1:]))
+    assert found[0] == "force_map: its simulation settings are not in the recording"
+
+
+def test_a_verdict_that_cannot_be_judged_is_reported_and_ends_nothing(tmp_path, messages):
+    recording = recorded(tmp_path, messages)
+    recording.limits = {
+        sha256: msgspec.structs.replace(limits, limits=[]) for sha256, limits in recording.limits.items()
+    }
+    (found,) = differences(recording)
+    assert found.startswith("verdict: no limit can be applied")
 
 
 def test_a_message_that_breaks_the_contract_is_reported_and_the_rest_replayed(tmp_path, messages):

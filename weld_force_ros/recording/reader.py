@@ -11,6 +11,7 @@ import msgspec
 
 from weld_force_ros import _yaml
 from weld_force_ros.errors import BagError
+from weld_force_ros.recording.bag_errors import as_bag_error
 from weld_force_ros.recording.mcap_reader import McapFile, Recorded
 from weld_force_ros.recording.rosbag2_format import ChannelStatistics, merged
 
@@ -220,11 +221,9 @@ def _files(path: Path) -> list[McapFile]:
         if not path.exists():
             raise BagError(f"{path} does not exist", "give a bag folder or an .mcap file")
         return [McapFile(path)]
-    try:
+    with as_bag_error(path, "give a folder that can be read"):
         # Shorter names first: bag_10.mcap comes after bag_9.mcap.
         there = sorted(path.glob("*.mcap"), key=lambda file: (len(file.name), file.name))
-    except OSError as error:
-        raise BagError(f"{path}: {error.strerror or error}", "give a folder that can be read") from error
     listed = listed_files(path)
     series = {_series(name) for name in (*listed, f"{path.resolve().name}_0.mcap")}
     unlisted = [file for file in there if file.name not in listed and (not listed or _series(file.name) in series)]
