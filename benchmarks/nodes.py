@@ -180,7 +180,7 @@ def _nodes(welds: int) -> Iterator[_Nodes]:
         WeldForceError: a node cannot work, or does not finish.
     """
     from weld_force_ros.ros.environment import use_own_domain
-    from weld_force_ros.ros.launcher import NodeSuite
+    from weld_force_ros.ros.node_suite import NodeSuite
 
     use_own_domain()
     with tempfile.TemporaryDirectory() as folder:

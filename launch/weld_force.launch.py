@@ -1,4 +1,4 @@
-"""The nodes of one rail: brought up through their lifecycle, and started again when they die.
+"""Launch the nodes of one rail: bring them up through their lifecycle, and start them again when they die.
 
 ros2 launch weld_force_ros weld_force.launch.py namespace:=left folder:=measurements/left bag:=monday-left
 """
@@ -27,14 +27,14 @@ PACKAGE = "weld_force_ros"
 RESPAWN_DELAY_S = 2.0
 ANSWER_S = 1.0
 STOP_S = 35.0
-"""A node that is told to stop has 30 s to finish what it has taken; another signal would cut that short."""
+"""A node that gets a signal to stop has 30 s to finish what it has taken; another signal would cut that short."""
 
 
 class BringUp:
     """Configures and activates a node whenever its process has started.
 
     A request is only sent once the new process answers: for some 20 s after a kill, ROS still shows the services of the
-    old one, and what is asked of them is lost.
+    old one, and requests to them are lost.
     """
 
     def __init__(self, node: LifecycleNode) -> None:
@@ -43,7 +43,7 @@ class BringUp:
         self._state = None
 
     def handlers(self) -> list[LaunchDescriptionEntity]:
-        """What follows the start of the process, and what follows its being configured."""
+        """Return what is to happen when the process has started and when the node is configured."""
         return [
             RegisterEventHandler(OnProcessStart(target_action=self._node, on_start=self._on_start)),
             RegisterEventHandler(
@@ -84,7 +84,7 @@ class BringUp:
 
 
 def bring_up(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """The nodes, and what brings them up, with the arguments that were given."""
+    """Return the nodes and what brings them up, with the arguments that were given."""
     given = {name: LaunchConfiguration(name).perform(context) for name in ("config", "folder", "bag", "autostart")}
     if not Path(given["config"]).is_file():
         raise RuntimeError(f"config {given['config']}: no such file; name a file of ROS parameters")
@@ -114,7 +114,7 @@ def _node(name: str, config: str, folders: dict[str, str]) -> LifecycleNode:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """The arguments and the nodes, as `ros2 launch` asks for them."""
+    """Return the arguments and the nodes, as `ros2 launch` requires."""
     shipped = PathJoinSubstitution([FindPackageShare(PACKAGE), "config", "default.yaml"])
     return LaunchDescription(
         [

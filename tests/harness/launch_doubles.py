@@ -155,10 +155,10 @@ class Request:
 class Client:
     service: str
     waiting: list[Request] = field(default_factory=list)
-    asked: int = 0
+    requests: int = 0
 
     def call_async(self, request: Any) -> Request:
-        self.asked += 1
+        self.requests += 1
         self.waiting.append(Request())
         return self.waiting[-1]
 

@@ -1,4 +1,4 @@
-"""The state of a node in /diagnostics: problems are told, last for a stated time, and what persists stays."""
+"""The state of a node in /diagnostics: a problem is reported for a stated time, what persists stays."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from tests.harness.ros import Probe
 from weld_force_ros.ros import diagnostics, qos
 from weld_force_ros.ros.diagnostics import RECOVERY_S, NodeDiagnostics
-from weld_force_ros.ros.launcher import NodeSuite
+from weld_force_ros.ros.node_suite import NodeSuite
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -35,7 +35,7 @@ def values(status: DiagnosticStatus) -> dict[str, str]:
     return {value.key: value.value for value in status.values}
 
 
-def test_problem_is_told_with_its_time_and_passes_after_the_stated_time(watch: Watch) -> None:
+def test_problem_is_reported_with_its_time_and_passes_after_the_stated_time(watch: Watch) -> None:
     node = NodeDiagnostics("/node", "/node#1")
     assert node.status().level == OK
     node.report_problem("a.csv: no number")

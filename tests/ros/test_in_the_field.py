@@ -1,4 +1,4 @@
-"""What happens in the field: late joiners, restarts, two of a kind, slow listeners, clocks that are set."""
+"""What happens in the field: late joiners, restarts, two of a kind, slow subscribers, clocks that are set."""
 
 import signal
 import subprocess
@@ -21,7 +21,7 @@ from weld_force_ros.recording import open_bag
 from weld_force_ros.recording.recording import open_recording
 from weld_force_ros.ros import contract_topics, qos
 from weld_force_ros.ros.diagnostics import NodeDiagnostics
-from weld_force_ros.ros.launcher import KINDS, Kind, NodeSuite
+from weld_force_ros.ros.node_suite import KINDS, Kind, NodeSuite
 
 BAD = "# x_unit: mm\nx,z\n0,nonsense\n"
 
@@ -154,7 +154,7 @@ def test_verdict_that_was_recorded_but_perhaps_not_sent_is_sent_as_it_was(
     assert judged(bag) == Counter(welds(0, 1))
 
 
-def test_ledger_answers_what_it_is_asked(domain_id: int, probe: Probe, folder: Path) -> None:
+def test_ledger_answers_inquiries(domain_id: int, probe: Probe, folder: Path) -> None:
     outcomes, answers = Outcomes(), probe.collect("settled", String, qos.CONTRACT)
     drop(folder, 0, 1)
     with suite(folder, outcomes=outcomes):
@@ -189,11 +189,11 @@ def test_second_assessment_node_cannot_write_the_same_bag(domain_id: int, folder
         pass
 
 
-def test_listener_that_stands_still_holds_nobody_up(domain_id: int, folder: Path, tmp_path: Path) -> None:
+def test_subscriber_that_is_stuck_holds_nobody_up(domain_id: int, folder: Path, tmp_path: Path) -> None:
     code = (
         "import rclpy, sys; from std_msgs.msg import String; from weld_force_ros.ros import qos; rclpy.init();"
         "node = rclpy.create_node('slow');"
-        "node.create_subscription(String, 'force_map', lambda m: (print('heard', flush=True)), qos.CONTRACT);"
+        "node.create_subscription(String, 'force_map', lambda m: (print('received', flush=True)), qos.CONTRACT);"
         "rclpy.spin(node)"
     )
     outcomes = Outcomes()
@@ -202,7 +202,7 @@ def test_listener_that_stands_still_holds_nobody_up(domain_id: int, folder: Path
         with suite(folder, tmp_path / "bag", outcomes=outcomes):
             drop(folder, 0, 1)
             assert listener.stdout is not None
-            assert listener.stdout.readline() == "heard\n"
+            assert listener.stdout.readline() == "received\n"
             listener.send_signal(signal.SIGSTOP)
             drop(folder, 1, 2 * qos.KEPT_DEPTH[ForceMap])
             outcomes.wait(2 * qos.KEPT_DEPTH[ForceMap])
@@ -229,7 +229,7 @@ def test_clock_set_back_by_an_hour_loses_nothing(
     assert times[-1] - times[0] > 3_000_000_000_000
 
 
-def test_clock_that_was_set_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_clock_that_was_set_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     from weld_force_ros.ros import diagnostics
 
     node, real = NodeDiagnostics("/node", "/node#1"), time.time
@@ -269,7 +269,7 @@ def test_message_too_large_is_not_even_parsed(domain_id: int, probe: Probe, fold
     assert "bytes, which was not read" in rejection.raw_text
 
 
-def test_diagnostics_tell_what_an_operator_asks(domain_id: int, probe: Probe, folder: Path, tmp_path: Path) -> None:
+def test_diagnostics_hold_what_an_operator_needs(domain_id: int, probe: Probe, folder: Path, tmp_path: Path) -> None:
     diagnostics = probe.collect("/diagnostics", DiagnosticArray, qos.DIAGNOSTICS)
     outcomes = Outcomes()
     with suite(folder, tmp_path / "bag", outcomes=outcomes):
@@ -279,12 +279,12 @@ def test_diagnostics_tell_what_an_operator_asks(domain_id: int, probe: Probe, fo
             1,
             lambda a: a.status[0].name == "/assessment_node" and values_of(a)["measurements with outcome"] == "3",
         )
-    told = values_of(array)
-    assert int(told["seconds since last verdict"]) < 20
-    assert float(told["disk free MB"]) > 0
-    assert told["measurements without outcome"] == "0"
-    assert told["sequence gaps"] == "0"
-    assert float(told["received force_map per s"]) >= 0
+    values = values_of(array)
+    assert int(values["seconds since last verdict"]) < 20
+    assert float(values["disk free MB"]) > 0
+    assert values["measurements without outcome"] == "0"
+    assert values["sequence gaps"] == "0"
+    assert float(values["received force_map per s"]) >= 0
 
 
 @pytest.fixture
@@ -305,7 +305,7 @@ def test_full_disk_is_announced_stops_judging_and_goes_on_when_there_is_room(
     diagnostics = probe.collect("/diagnostics", DiagnosticArray, qos.DIAGNOSTICS)
     outcomes, bag, ballast = Outcomes(), small_disk / "bag", small_disk / "ballast"
 
-    def told(level: bytes, clause: str) -> Callable[[DiagnosticArray], bool]:
+    def has(level: bytes, clause: str) -> Callable[[DiagnosticArray], bool]:
         return lambda a: (
             a.status[0].name == "/assessment_node" and a.status[0].level == level and clause in a.status[0].message
         )
@@ -313,10 +313,10 @@ def test_full_disk_is_announced_stops_judging_and_goes_on_when_there_is_room(
     with suite(folder, bag, outcomes=outcomes) as running:
         drop(folder, 0, 3)
         outcomes.wait(3)
-        diagnostics.wait(1, told(DiagnosticStatus.WARN, "disk nearly full"))
+        diagnostics.wait(1, has(DiagnosticStatus.WARN, "disk nearly full"))
         ballast.write_bytes(bytes(150_000_000))
         drop(folder, 3, 9)
-        diagnostics.wait(1, told(DiagnosticStatus.ERROR, "disk full"))
+        diagnostics.wait(1, has(DiagnosticStatus.ERROR, "disk full"))
         assert len(outcomes.messages) == 3
         ballast.unlink()
         outcomes.wait(9)
@@ -326,7 +326,7 @@ def test_full_disk_is_announced_stops_judging_and_goes_on_when_there_is_room(
     assert open_bag(bag).damage is None
 
 
-def test_what_a_killed_ledger_did_not_tell_any_more_is_asked_for(
+def test_outcomes_that_a_killed_ledger_did_not_publish_are_inquired_for(
     domain_id: int, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bag = tmp_path / "bag"

@@ -127,8 +127,8 @@ def started(name: str, launch_file: ModuleType, scenario: Callable[..., Awaitabl
 @pytest.mark.parametrize("name", sorted(NODES))
 def test_a_node_is_configured_once_it_answers_however_late(name: str, launch_file: ModuleType):
     async def scenario(launch: Any, node: Any, handler: Any, client: doubles.Client) -> None:
-        await until(lambda: client.asked == 3)
-        assert not launch.emitted, "asked of a process that is not there"
+        await until(lambda: client.requests == 3)
+        assert not launch.emitted, "a request to a process that is not there"
         assert len(client.waiting) == 1, "requests that nobody answered pile up"
         client.waiting[0].answer()
         await asyncio.gather(*launch.tasks)

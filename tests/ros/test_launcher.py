@@ -19,7 +19,8 @@ from tests.harness.ros import DEADLINE_S, Outcomes, Probe, QuickSimulator, profi
 from weld_force_ros.errors import TrackError
 from weld_force_ros.messages import AssessmentSettings, Verdict, decode
 from weld_force_ros.ros import qos
-from weld_force_ros.ros.launcher import NodeSuite, main, run_node, run_until_signal
+from weld_force_ros.ros.launcher import main, run_node, run_until_signal
+from weld_force_ros.ros.node_suite import NodeSuite
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from std_msgs.msg import String
 from tests.harness.ros import Outcomes, Probe, QuickSimulator, profile_text, wait_until
 from weld_force_ros.messages import AssessmentSettings, ForceMap, SimulationSettings, Verdict, WeldProfile, decode
 from weld_force_ros.ros import qos
-from weld_force_ros.ros.launcher import ALL_KINDS, KINDS, Kind, NodeSuite
+from weld_force_ros.ros.node_suite import ALL_KINDS, KINDS, Kind, NodeSuite
 from weld_force_ros.ros.parameters import PARAMETERS
 
 

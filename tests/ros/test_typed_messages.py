@@ -1,4 +1,4 @@
-"""Typed twins of a verdict, message by message."""
+"""Typed messages of a verdict, number by number."""
 
 import math
 

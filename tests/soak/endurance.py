@@ -5,7 +5,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from weld_force_ros.ros.launcher import KINDS
+from weld_force_ros.ros.node_suite import KINDS
 
 from .field import Field, recorded, wait_until
 from .field import field as run_field
@@ -23,14 +23,14 @@ class Result:
     """What came of a run; memory in MB, by kind of node.
 
     Attributes:
-        heard: verdicts that a listener got.
+        received: verdicts that a listener got.
         second_reader: messages of the bag, as `rosbags` reads and counts them.
     """
 
     welds: int = 0
     lost: int = 0
     doubled: int = 0
-    heard: int = 0
+    received: int = 0
     restarts: int = 0
     elapsed_s: float = 0.0
     welds_per_s: float = 0.0
@@ -64,10 +64,10 @@ def run(welds: int, *, show: bool = False, **simulator: str) -> Result:
         result.elapsed_s = time.monotonic() - began_s
         result.welds_per_s = (welds - 1) / result.elapsed_s
         result.memory_end_mb = _memory_mb(suite)
-        told = suite.listener.told
-        result.longest_ms_until_on_disk = float(told["/assessment_node"]["longest ms until on disk"])
-        result.sequence_gaps = sum(int(values["sequence gaps"]) for values in told.values())
-        result.heard = len({v.weld_id for v in suite.listener.verdicts})
+        diagnostics = suite.listener.diagnostics
+        result.longest_ms_until_on_disk = float(diagnostics["/assessment_node"]["longest ms until on disk"])
+        result.sequence_gaps = sum(int(values["sequence gaps"]) for values in diagnostics.values())
+        result.received = len({v.weld_id for v in suite.listener.verdicts})
         result.restarts = sum(child.starts - 1 for child in suite.supervisor.processes.values())
         supervisor, bag = suite.supervisor, suite.bag
         for kind in KINDS:
@@ -81,7 +81,7 @@ def run(welds: int, *, show: bool = False, **simulator: str) -> Result:
 
 
 def _feed(suite: Field, welds: int, result: Result, *, show: bool) -> None:
-    progressed_s, done, told_s = time.monotonic(), 0, time.monotonic()
+    progressed_s, done, printed_s = time.monotonic(), 0, time.monotonic()
     while done < welds and time.monotonic() - progressed_s < _STALLED_S:
         settled = len(suite.listener.settled)
         if settled > done:
@@ -90,8 +90,8 @@ def _feed(suite: Field, welds: int, result: Result, *, show: bool) -> None:
             suite.load.drop()
         if done >= _WARM * welds and not result.memory_warm_mb:
             result.memory_warm_mb = _memory_mb(suite)
-        if time.monotonic() - told_s > 5.0:
-            told_s = time.monotonic()
+        if time.monotonic() - printed_s > 5.0:
+            printed_s = time.monotonic()
             now = _memory_mb(suite)
             result.memory_most_mb = {k: max(v, result.memory_most_mb.get(k, 0.0)) for k, v in now.items()}
             if show:

@@ -28,8 +28,8 @@ from weld_force_ros.ros.supervisor import Supervisor
 BAD_FILE = "# x_unit: mm\nx,z\n0,nonsense\n"
 
 
-class Heard(NamedTuple):
-    """A verdict as a listener got it; `at_s` on the monotonic clock."""
+class ReceivedVerdict(NamedTuple):
+    """A verdict that the listener received; `at_s` on the monotonic clock."""
 
     weld_id: str
     publisher: str
@@ -38,12 +38,12 @@ class Heard(NamedTuple):
 
 
 class Listener:
-    """A foreign node that collects verdicts, what is settled and what the nodes tell of themselves."""
+    """A foreign node that collects verdicts, what is settled and the diagnostics of the nodes."""
 
     def __init__(self) -> None:
-        self.verdicts: list[Heard] = []
+        self.verdicts: list[ReceivedVerdict] = []
         self.settled: set[str] = set()
-        self.told: dict[str, dict[str, str]] = {}
+        self.diagnostics: dict[str, dict[str, str]] = {}
         self._context = rclpy.Context()
 
     def __enter__(self) -> "Listener":
@@ -67,11 +67,11 @@ class Listener:
 
     def _take_verdict(self, message: Any) -> None:
         verdict = msgspec.json.decode(message.data, type=Verdict)
-        self.verdicts.append(Heard(verdict.weld_id, verdict.publisher, verdict.sequence, time.monotonic()))
+        self.verdicts.append(ReceivedVerdict(verdict.weld_id, verdict.publisher, verdict.sequence, time.monotonic()))
 
     def _take_diagnostics(self, array: Any) -> None:
         for status in array.status:
-            self.told[status.name] = {value.key: value.value for value in status.values}
+            self.diagnostics[status.name] = {value.key: value.value for value in status.values}
 
     def _take_settled(self, message: Any) -> None:
         self.settled.update(msgspec.json.decode(message.data, type=Settled).profile_ids)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from weld_force_ros.recording import export_json, recover
-from weld_force_ros.ros.launcher import KINDS, Kind
+from weld_force_ros.ros.node_suite import KINDS, Kind
 
 from .field import Field, recorded, wait_until
 from .field import field as run_field
@@ -42,7 +42,7 @@ class Result:
     welds: int = 0
     lost: int = 0
     doubled: int = 0
-    heard_twice: int = 0
+    received_twice: int = 0
     unrecorded: int = 0
     recovered: int = 0
     second_reader: int = 0
@@ -109,7 +109,7 @@ def _judge(suite: Field, due: set[tuple[str, int]], result: Result) -> None:
     result.lost = len(suite.load.usable - found.judged) + max(0, bad - rejected)
     result.doubled = sum(n - 1 for n in found.outcomes.values())
     result.unrecorded = len(due - found.verdicts)
-    result.heard_twice = sum(
+    result.received_twice = sum(
         n - 1 for n in Counter((v.publisher, v.sequence) for v in suite.listener.verdicts).values()
     )
     with tempfile.TemporaryDirectory() as folder:

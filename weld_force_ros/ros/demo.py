@@ -12,7 +12,8 @@ from weld_force_ros.errors import InputError, WeldForceError, os_errors_as
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.recording.recording import Recording, open_recording
 from weld_force_ros.ros import environment
-from weld_force_ros.ros.launcher import ALL_KINDS, KINDS, Kind, NodeSuite, stop_signals
+from weld_force_ros.ros.launcher import stop_signals
+from weld_force_ros.ros.node_suite import ALL_KINDS, KINDS, Kind, NodeSuite
 
 OUTCOME_WITHIN_S = 300.0
 TROLLEY_LENGTH_M = 110.0
@@ -83,7 +84,7 @@ def run_demo(folder: Path, *, track: str, on_outcome: Callable[[str], None], tro
 
 @dataclass
 class _OutcomeTimes:
-    """How long each weld took, from its file to its outcome."""
+    """The time that each weld took from its file to its outcome."""
 
     on_outcome: Callable[[str], None]
     since_s: dict[str, float] = field(default_factory=dict)

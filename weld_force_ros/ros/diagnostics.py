@@ -55,7 +55,7 @@ class NodeDiagnostics:
 
     @property
     def last_error(self) -> str:
-        """The last problem, however long ago; empty if there was none."""
+        """Return the last problem, however long ago; empty if there was none."""
         return self._problems.last
 
     def count_received(self, topic: str) -> None:

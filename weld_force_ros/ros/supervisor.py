@@ -15,7 +15,8 @@ import yaml
 
 from weld_force_ros.errors import WeldForceError
 from weld_force_ros.ros import environment
-from weld_force_ros.ros.launcher import DRAIN_S, Kind, in_flow_order, print_line, stop_signals
+from weld_force_ros.ros.launcher import print_line, stop_signals
+from weld_force_ros.ros.node_suite import DRAIN_S, Kind, in_flow_order
 
 _POLL_S = 0.1
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.5, 5.0
@@ -125,7 +126,7 @@ class Supervisor:
 
     def __exit__(self, *_: object) -> None:
         with self._stack:
-            for kind in self._kinds:  # each has handed on what it took before the next is asked to end
+            for kind in self._kinds:  # each has published what it took before the next is stopped
                 self.code |= int(self.processes[kind].stop(DRAIN_S + 10.0) != 0)
 
 

@@ -19,11 +19,11 @@ from typing import Any
 import pytest
 
 from tests.harness.ros import DEADLINE_S, Outcomes, Probe, QuickSimulator, profile_text, wait_until
-from tests.ros.test_nodes_together import profile
+from tests.ros.test_node_suite import profile
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import Verdict, encode
 from weld_force_ros.report.pdf import find_browser
-from weld_force_ros.ros.launcher import KINDS, Kind, NodeSuite, in_flow_order
+from weld_force_ros.ros.node_suite import KINDS, Kind, NodeSuite, in_flow_order
 
 pytest.importorskip("plotly")
 
@@ -47,9 +47,9 @@ def running(
         "assessment": {"bag": bag},
         "dashboard": {"port": 0},
     }
-    told = outcomes or Outcomes()
+    collected = outcomes or Outcomes()
     with NodeSuite(
-        kinds, parameters=parameters, load_simulator=QuickSimulator, on_verdict=told, on_rejection=told
+        kinds, parameters=parameters, load_simulator=QuickSimulator, on_verdict=collected, on_rejection=collected
     ) as suite:
         yield suite
 
@@ -220,10 +220,10 @@ def test_the_page_shows_a_verdict_within_a_second(domain_id: int, folder: Path) 
     outcomes = Outcomes()
     with running(folder, outcomes=outcomes) as suite, playwright.sync_playwright() as started:
         chromium = started.chromium.launch(executable_path=browser, args=["--no-sandbox", "--disable-dev-shm-usage"])
-        page, complaints, asked = chromium.new_page(), [], []
+        page, complaints, requested = chromium.new_page(), [], []
         page.on("console", lambda message: complaints.append(message.text))
         page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("request", lambda request: asked.append(request.url))
+        page.on("request", lambda request: requested.append(request.url))
         url = suite.nodes["dashboard"].url
         page.goto(url)
         for i in range(3):
@@ -237,4 +237,4 @@ def test_the_page_shows_a_verdict_within_a_second(domain_id: int, folder: Path) 
         page.wait_for_selector("#weld .js-plotly-plot .main-svg", timeout=30_000)
         chromium.close()
     assert complaints == []
-    assert all(request.startswith((url, "data:", "blob:")) for request in asked)
+    assert all(request.startswith((url, "data:", "blob:")) for request in requested)

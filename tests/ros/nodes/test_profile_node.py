@@ -12,7 +12,7 @@ from std_msgs.msg import String
 from tests.harness.ros import Outcomes, Probe, profile_text
 from weld_force_ros.messages import Rejection, WeldProfile, decode
 from weld_force_ros.ros import qos
-from weld_force_ros.ros.launcher import NodeSuite
+from weld_force_ros.ros.node_suite import NodeSuite
 
 
 @pytest.fixture

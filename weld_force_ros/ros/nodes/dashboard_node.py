@@ -1,4 +1,4 @@
-"""dashboard_node: what the suite publishes, as a page on this machine; it looks on and publishes nothing."""
+"""Node dashboard_node: shows what the other nodes publish on a page of this machine; publishes no result itself."""
 
 import tempfile
 from functools import partial
@@ -26,10 +26,10 @@ _SHOWN = (SimulationSettings, AssessmentSettings, WeldProfile, ForceMap, ForceHi
 
 
 class DashboardNode(LifecycleNodeBase):
-    """Takes messages on one worker thread; pages are served on threads of their own.
+    """Takes messages in one worker thread; pages are served in threads of their own.
 
     Attributes:
-        url: where the page is; only while configured.
+        url: address of the page; only while configured.
     """
 
     kind = "dashboard_node"
@@ -67,7 +67,7 @@ class DashboardNode(LifecycleNodeBase):
 
     @property
     def pending(self) -> int:
-        """Messages that are not on the page yet."""
+        """Return how many messages are not on the page yet."""
         return self._worker.pending if self._configured else 0
 
     def _queue(self, kind: type[Message], serialized: SerializedMessage) -> None:

@@ -1,4 +1,4 @@
-"""Which measurements still need an outcome, and how many may be under way to it at once."""
+"""Publish measurements that have no outcome yet, and limit how many are without one at once."""
 
 import threading
 import time
@@ -8,21 +8,21 @@ from weld_force_ros.messages import MAX_IDS, Inquiry, Rejection, Settled, WeldPr
 from weld_force_ros.ros.contract_topics import ContractTopics, SerializedMessage
 from weld_force_ros.ros.qos import MAX_OUTSTANDING
 
-_LOOK_S = 0.02
+_POLL_S = 0.02
 _LEDGER_APPEARS_S = 1.0
 _ANSWER_WITHIN_S = 5.0
 _ASK_AGAIN_S = 3.0
 
 
 class FlowControl:
-    """Sends measurements on their way, a window of them at a time, and each only if the ledger knows no outcome.
+    """Publishes at most `MAX_OUTSTANDING` measurements ahead of their outcomes, and only those without an outcome.
 
     The assessment node keeps the ledger. Where there is none, everything is sent, up to the window.
 
     Args:
-        topics: of the node.
-        ledgers: how many assessment nodes there are now.
-        stopping: whether waiting is to be given up.
+        topics: the node's contract topics.
+        ledgers: returns how many assessment nodes there are now.
+        stopping: set when waiting is to be given up.
     """
 
     def __init__(self, topics: ContractTopics, ledgers: Callable[[], int], stopping: threading.Event) -> None:
@@ -33,28 +33,28 @@ class FlowControl:
         self._under_way: dict[bytes, int] = {}
         self._answered: set[int] = set()
         self._changed = threading.Condition()
-        self._began_s = self._heard_s = time.monotonic()
+        self._began_s = self._last_settled_s = time.monotonic()
 
     @property
     def under_way(self) -> int:
-        """Measurements sent that have no outcome yet."""
+        """Return how many measurements were published that have no outcome yet."""
         return len(self._under_way)
 
     @property
     def full(self) -> bool:
-        """Whether the window is used up."""
+        """Return whether no more measurements may be published for now."""
         with self._changed:
             oldest = next(iter(self._under_way.values()), self._sent)
             # Nothing without an outcome may be pushed out of what the publishers keep for those who join late.
             return len(self._under_way) >= MAX_OUTSTANDING or self._sent - oldest >= 2 * MAX_OUTSTANDING - 1
 
     def take_settled(self, serialized: SerializedMessage) -> None:
-        """Note what the ledger says; for the executor's thread."""
+        """Note which measurements have their outcome; called in the executor's thread."""
         settled = self._topics.decode_or_report(Settled, self._topics.receive(Settled, serialized))
         if settled is None:
             return
         with self._changed:
-            self._heard_s = time.monotonic()
+            self._last_settled_s = time.monotonic()
             for profile_id in settled.profile_ids:
                 self._settled.add(bytes.fromhex(profile_id))
                 self._under_way.pop(bytes.fromhex(profile_id), None)
@@ -63,17 +63,17 @@ class FlowControl:
             self._changed.notify_all()
 
     def without_outcome(self, profile_ids: Sequence[str]) -> set[str]:
-        """Those measurements that are neither settled nor under way, as far as a ledger can be asked."""
+        """Return the measurements that neither have an outcome nor are under way, as far as a ledger answers."""
         unknown = [profile_id for profile_id in profile_ids if not self._known(profile_id)]
         for begin in range(0, len(unknown), MAX_IDS):
             self._ask(unknown[begin : begin + MAX_IDS])
         return {profile_id for profile_id in unknown if not self._known(profile_id)}
 
     def send(self, message: WeldProfile | Rejection) -> bool:
-        """Publish a measurement or its rejection once there is room; False if stopped before.
+        """Publish a measurement or its rejection once there is room; return False if stopped before.
 
         Raises:
-            MessageError: against the contract; nothing was sent.
+            MessageError: the message breaks the contract; nothing was published.
         """
         if not self._wait(lambda: not self.full):
             return False
@@ -89,9 +89,9 @@ class FlowControl:
         return True
 
     def ask_again(self) -> None:
-        """Ask for what is under way, if nothing was heard for a while: a ledger that was killed may not have told."""
+        """Ask for what is under way if no outcome came for a while: a killed assessment node may not have sent it."""
         with self._changed:
-            overdue = list(self._under_way) if time.monotonic() - self._heard_s > _ASK_AGAIN_S else []
+            overdue = list(self._under_way) if time.monotonic() - self._last_settled_s > _ASK_AGAIN_S else []
         if overdue and self._ledgers():
             self._topics.publish(Inquiry(profile_ids=[key.hex() for key in overdue]))
 
@@ -117,5 +117,5 @@ class FlowControl:
     def _wait(self, condition: Callable[[], bool], until_s: float = float("inf")) -> bool:
         while not (met := condition()) and not self._stopping.is_set() and time.monotonic() < until_s:
             with self._changed:
-                self._changed.wait(_LOOK_S)
+                self._changed.wait(_POLL_S)
         return met

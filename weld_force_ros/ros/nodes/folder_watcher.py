@@ -1,4 +1,4 @@
-"""A watched folder: each file is handed over once it is completely written, and again when it has changed."""
+"""Watch a folder: hand each file over once it is completely written, and again when it has changed."""
 
 import os
 import stat
@@ -11,10 +11,10 @@ from typing import NamedTuple
 import watchfiles
 
 BATCH_FILES = 256
-"""Files that are handed over together."""
+"""How many files are handed over in one call."""
 
 _TICK_MS = 20
-_FULL_LOOK_S = 5.0  # events of network drives may never come, and a burst of them may overflow
+_FULL_SCAN_S = 5.0  # events of network drives may never come, and a burst of them may overflow
 _RETRY_S = 1.0
 
 
@@ -28,9 +28,9 @@ class FolderWatcher:
     """Watches one folder, not those below it, on a thread of its own.
 
     Args:
-        folder: to watch; the files already there are handed over first.
-        suffixes: of the files that matter, lower case; hidden files do not.
-        settle_s: how long size and time of change must stand still before a file counts as written.
+        folder: folder to watch; the files already there are handed over first.
+        suffixes: endings, in lower case, of the files that are handed over; hidden files never are.
+        settle_s: how long size and time of change must stay the same before a file counts as written.
         take: called with the files that are ready, at most `BATCH_FILES` of them, in order of name; raises nothing.
         report_problem: called with a problem of the folder itself, which is tried again.
     """
@@ -55,12 +55,12 @@ class FolderWatcher:
 
     @property
     def waiting(self) -> int:
-        """Files seen that are not yet handed over."""
+        """Return how many files were seen that are not yet handed over."""
         return len(self._waiting)
 
     @property
     def running(self) -> bool:
-        """Whether files are still taken."""
+        """Return whether files are still handed over."""
         return self._thread is not None and self._thread.is_alive()
 
     def start(self) -> None:
@@ -71,7 +71,7 @@ class FolderWatcher:
         self._thread.start()
 
     def close(self, timeout_s: float) -> None:
-        """Take no further files; those in hand are finished, if that takes no longer than `timeout_s`."""
+        """Hand no further files over, and wait for the call in progress, but at most `timeout_s`."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join(timeout_s)
@@ -85,7 +85,7 @@ class FolderWatcher:
                 self._stop.wait(_RETRY_S)
 
     def _watch(self) -> None:
-        next_full_look = float("-inf")
+        next_full_scan = float("-inf")
         for changes in watchfiles.watch(
             self._folder,
             watch_filter=None,
@@ -99,22 +99,22 @@ class FolderWatcher:
         ):
             # Not the whole folder at each change: among thousands of files that takes longer than a simulation.
             self._note(os.path.basename(path) for _, path in changes)
-            if time.monotonic() >= next_full_look:
+            if time.monotonic() >= next_full_scan:
                 self._note(os.listdir(self._folder))
-                next_full_look = time.monotonic() + _FULL_LOOK_S
+                next_full_scan = time.monotonic() + _FULL_SCAN_S
             self._hand_over()
 
     def _note(self, names: Iterable[str]) -> None:
         for name in names:
             if name.lower().endswith(self._suffixes) and not name.startswith("."):
-                self._look_at(name)
+                self._track(name)
 
     def _hand_over(self) -> None:
         names = sorted(self._waiting)
         for begin in range(0, len(names), BATCH_FILES):
             if self._stop.is_set():
                 return
-            ready = [name for name in names[begin : begin + BATCH_FILES] if self._look_at(name) >= self._settle_s]
+            ready = [name for name in names[begin : begin + BATCH_FILES] if self._track(name) >= self._settle_s]
             # Noted before they are read: what is written meanwhile is another state.
             self._taken |= {name: self._waiting[name][0] for name in ready}
             if ready:
@@ -122,8 +122,8 @@ class FolderWatcher:
             for name in ready:
                 self._waiting.pop(name)
 
-    def _look_at(self, name: str) -> float:
-        """For how long, in s, a file is known to be as it is now; -inf if there is nothing to hand over."""
+    def _track(self, name: str) -> float:
+        """Return for how many seconds a file has been as it is now; -inf if there is nothing to hand over."""
         state, now = self._state(name), time.monotonic()
         if state is None or state == self._taken.get(name):
             self._waiting.pop(name, None)
@@ -133,7 +133,7 @@ class FolderWatcher:
         return now - self._waiting[name][1]
 
     def _state(self, name: str) -> _State | None:
-        """None if there is no such file, or it is a folder, a pipe or the like."""
+        """Return size and times of a file; None if there is none, or it is a folder, a pipe or the like."""
         try:
             status = os.stat(self._folder / name)
         except OSError:

@@ -1,4 +1,4 @@
-"""The ledger: which measurements were accepted, and which have their one outcome. The bag is its memory."""
+"""Keep which measurements were accepted and which have their one outcome, and read that back from a bag."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -23,7 +23,7 @@ from weld_force_ros.messages import (
 from weld_force_ros.recording import STRING, Recorded, stored
 
 RESEND_BATCH = 16
-"""Measurements that are sent again together."""
+"""How many measurements are sent again at once."""
 
 _KINDS = {topic.name: topic.type for topic in TOPICS.values()}
 
@@ -39,8 +39,8 @@ class Ledger:
     """Measurements by their identity: accepted and open, or settled by a verdict or a rejection.
 
     Attributes:
-        unfinished: outcomes that a bag holds but does not confirm as published; of a process that was killed.
-        waiting_maps: force maps that a bag holds without their verdict; likewise.
+        unfinished: outcomes that a killed process recorded, but perhaps did not publish.
+        waiting_maps: force maps that it recorded without their verdict, serialised.
     """
 
     def __init__(self) -> None:
@@ -51,12 +51,12 @@ class Ledger:
 
     @property
     def open_count(self) -> int:
-        """Accepted measurements without an outcome."""
+        """Return how many accepted measurements have no outcome."""
         return len(self._open)
 
     @property
     def settled_count(self) -> int:
-        """Measurements with their outcome."""
+        """Return how many measurements have their outcome."""
         return len(self._settled)
 
     def accept(self, profile_id: str, cdr: bytes) -> None:
@@ -65,7 +65,7 @@ class Ledger:
             self._open[profile_id] = cdr
 
     def is_settled(self, profile_id: str) -> bool:
-        """Whether a measurement has its verdict or rejection."""
+        """Return whether a measurement has its verdict or rejection."""
         return bytes.fromhex(profile_id) in self._settled
 
     def settle(self, profile_id: str) -> None:
@@ -75,11 +75,11 @@ class Ledger:
         self.waiting_maps.pop(profile_id, None)
 
     def settled_of(self, profile_ids: Iterable[str]) -> list[str]:
-        """Those of the measurements that have their outcome."""
+        """Return those of the measurements that have their outcome."""
         return [profile_id for profile_id in profile_ids if self.is_settled(profile_id)]
 
     def oldest_open(self) -> list[bytes]:
-        """The profiles that have waited longest; the next time others come first."""
+        """Return the profiles that have waited longest, serialised; the next call returns others first."""
         oldest = list(self._open.items())[:RESEND_BATCH]
         for profile_id, cdr in oldest:
             del self._open[profile_id]
@@ -96,11 +96,11 @@ class _Entry(msgspec.Struct):
 
 
 def read_ledger(bag: Path, note: Callable[[type[Message], str], None]) -> Ledger:
-    """The ledger of a recording that is to be continued.
+    """Read the ledger of a recording that is to be continued.
 
     Args:
-        bag: its folder, whatever state a killed process left it in.
-        note: told of each recorded message of the suite: its kind and its text.
+        bag: its folder, in whatever state a killed process left it.
+        note: called with type and text of each recorded contract message.
 
     Raises:
         BagError: the folder cannot be read.

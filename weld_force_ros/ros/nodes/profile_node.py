@@ -1,4 +1,4 @@
-"""profile_node: measurement files in a watched folder, and a live trolley -> weld_profile."""
+"""Node profile_node: measurement files in a watched folder, and a live trolley -> weld_profile."""
 
 import hashlib
 import re
@@ -70,12 +70,12 @@ class ProfileNode(LifecycleNodeBase):
 
     @property
     def pending(self) -> int:
-        """Batches and marks of a live trolley that wait; what else was taken, the folder keeps."""
+        """Return how many batches and marks of a live trolley wait; all else that was taken is kept by the folder."""
         return self._trolley.pending if self._configured else 0
 
     @property
     def watching(self) -> bool:
-        """Whether files are still taken."""
+        """Return whether files are still taken."""
         return self._watcher.running
 
     def _facts(self) -> dict[str, object]:
@@ -147,7 +147,7 @@ def _folder(text: str) -> Path:
 
 
 def _plain_form(values: dict[str, Any]) -> PlainForm:
-    """What files without a header do not say of themselves; an empty text and 0 mean: not stated."""
+    """Return the form of files without a header; an empty text and 0 mean: not stated."""
     return PlainForm(
         x_unit=values["x_unit"] or None,
         z_unit=values["z_unit"] or None,

@@ -24,18 +24,19 @@ from weld_force_ros.ros.qos import KEPT_DEPTH
 from weld_force_ros.ros.worker import Worker
 from weld_force_ros.simulation import simulator
 
-_SAME_ASKED_TWICE_S = 4.0
+_OUTCOME_FOLLOWS_S = 4.0
+"""What comes again so shortly after it was computed is not computed again: its outcome is on its way."""
 
 
 class SimulatorNode(LifecycleNodeBase):
-    """Computes on one worker thread, which also loads track and fit; callbacks only queue, up to a limit.
+    """Computes in one worker thread, which also loads track and fit; callbacks only queue, up to a limit.
 
-    What has its outcome is not computed again; what is sent again because an outcome is missing, is. The force history
-    is that of the passage that decides the verdict by the limits that the assessment node published last; as long as
-    none are known, that of the highest peak.
+    A measurement that has its outcome is not computed again; one that is sent again for want of an outcome is. The
+    force history is that of the passage that decides the verdict by the limits that the assessment node published last;
+    as long as none are known, that of the highest peak.
 
     Args:
-        load: makes the simulator, in the worker thread.
+        load: returns the simulator for given settings; called in the worker thread.
         node_options: passed to `rclpy.node.Node`.
     """
 
@@ -75,7 +76,7 @@ class SimulatorNode(LifecycleNodeBase):
 
     @property
     def pending(self) -> int:
-        """Profiles queued or being simulated."""
+        """Return how many profiles are queued or being simulated."""
         return self._worker.pending if self._configured else 0
 
     def _check_change(self, values: dict[str, Any]) -> None:
@@ -116,13 +117,11 @@ class SimulatorNode(LifecycleNodeBase):
             return
         incoming = self.topics.receive(WeldProfile, item)
         profile = self.topics.decode_or_reject(WeldProfile, incoming)
-        if profile is not None and not self._done(identity(profile)):
+        if profile is None or identity(profile) in self._settled:
+            return
+        computed_s = self._computed_s.get(identity(profile), float("-inf"))
+        if time.monotonic() - computed_s >= _OUTCOME_FOLLOWS_S:
             self._simulate(profile, incoming.text)
-
-    def _done(self, profile_id: str) -> bool:
-        """Whether a measurement has its outcome, or was computed so shortly ago that it has its outcome soon."""
-        computed_s = self._computed_s.get(profile_id, float("-inf"))
-        return profile_id in self._settled or time.monotonic() - computed_s < _SAME_ASKED_TWICE_S
 
     def _simulate(self, profile: WeldProfile, text: str) -> None:
         profile_id = identity(profile)

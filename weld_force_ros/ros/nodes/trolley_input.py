@@ -1,4 +1,4 @@
-"""A live trolley's samples and marks -> measurement files in the folder that the profile node watches."""
+"""Take samples and marks of a live trolley, and write each weld as a file to the folder of the profile node."""
 
 import threading
 import time
@@ -39,9 +39,9 @@ class TrolleyInput:
     inactive. A context manager; leaving it, what was queued is still handled.
 
     Args:
-        node: whose topics they are.
+        node: the node that has these topics.
         folder: where captured welds are written.
-        topics: the node's.
+        topics: the node's contract topics.
         values: its parameters by name.
     """
 
@@ -68,12 +68,14 @@ class TrolleyInput:
         )
         self._gate = BackPressureGroup(lambda: self._node.active and self._worker.has_room)
         self._subscriptions = [
-            self._listen(RailSurface, self._take_surface),
-            self._listen(WeldMarker, self._take_marker),
-            self._listen_to_points(qos.STREAM),
+            self._subscribe(RailSurface, self._take_surface),
+            self._subscribe(WeldMarker, self._take_marker),
+            self._subscribe_to_points(qos.STREAM),
         ]
         self._service = node.create_service(Trigger, CAPTURE_SERVICE, self._capture_weld)
-        self._timer = node.create_timer(_LOOK_EVERY_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = node.create_timer(
+            _LOOK_EVERY_S, self._look_for_welds, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
 
     def __enter__(self) -> Self:
         return self
@@ -93,11 +95,11 @@ class TrolleyInput:
 
     @property
     def pending(self) -> int:
-        """Batches and marks queued or in hand."""
+        """Return how many batches and marks are queued or being handled."""
         return self._worker.pending
 
     def facts(self) -> dict[str, object]:
-        """What there is to be known, for /diagnostics; nothing as long as no trolley is there."""
+        """Return the state of the trolley, for /diagnostics; nothing as long as no trolley is there."""
         with self._lock:
             here_m = self._here_m
         if here_m is None and not self._live.waiting and not self._malformed:
@@ -111,7 +113,7 @@ class TrolleyInput:
             "point clouds refused": self._malformed,
         }
 
-    def _listen(self, kind: type[Message], handle: Callable[[SerializedMessage], None]) -> Subscription:
+    def _subscribe(self, kind: type[Message], handle: Callable[[SerializedMessage], None]) -> Subscription:
         def queue(serialized: SerializedMessage) -> None:
             self._worker.put(lambda: handle(serialized))
 
@@ -119,7 +121,7 @@ class TrolleyInput:
             self._node, String, TOPICS[kind].name, qos.subscription_qos(TOPICS[kind]), queue, self._gate
         )
 
-    def _listen_to_points(self, profile: QoSProfile) -> Subscription:
+    def _subscribe_to_points(self, profile: QoSProfile) -> Subscription:
         return self._node.create_subscription(
             PointCloud2,
             point_cloud.TOPIC,
@@ -131,9 +133,9 @@ class TrolleyInput:
         )
 
     def _accept_best_effort(self) -> None:
-        """Some drivers publish so; who asks for reliability gets nothing of them."""
+        """Subscribe once more with best effort: a driver that publishes so sends nothing to reliable subscribers."""
         if len(self._subscriptions) == 3:
-            self._subscriptions.append(self._listen_to_points(_BEST_EFFORT))
+            self._subscriptions.append(self._subscribe_to_points(_BEST_EFFORT))
             self._node.get_logger().warning(
                 f"a driver publishes {point_cloud.TOPIC} with best effort: what is lost on the way is a gap in the rail"
             )
@@ -143,7 +145,7 @@ class TrolleyInput:
         surface = self._topics.decode_or_reject(RailSurface, incoming)
         if surface is not None:
             self._live.push(surface)
-            self._note_place()
+            self._note_position()
 
     def _take_points(self, cdr: bytes) -> None:
         self._topics.diagnostics.count_received(point_cloud.TOPIC)
@@ -161,7 +163,7 @@ class TrolleyInput:
                 "publish x as float64, or chainages from a nearer origin"
             )
         self._live.push_samples(chainage_m, height_m)
-        self._note_place()
+        self._note_position()
 
     def _report_and_log_once(self, problem: str) -> None:
         """Log a problem once, but keep it in /diagnostics for as long as it lasts."""
@@ -171,7 +173,7 @@ class TrolleyInput:
             self._last_problem = problem
             self._topics.report_problem(problem)
 
-    def _note_place(self) -> None:
+    def _note_position(self) -> None:
         with self._lock:
             self._here_m = self._live.position_m
 
@@ -190,7 +192,7 @@ class TrolleyInput:
             self._topics.reject(source, error, text)
 
     def _capture_weld(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Queued behind the samples that came before: the place is where the trolley is by then."""
+        """Mark a weld, queued behind the samples that came before: the place is where the trolley is by then."""
         with self._lock:
             here_m = self._here_m
         if not self._node.active:
@@ -207,7 +209,7 @@ class TrolleyInput:
             response.message = f"weld marked {place}; its profile follows when the metre about it is measured"
         return response
 
-    def _look(self) -> None:
+    def _look_for_welds(self) -> None:
         if self._node.active and not self.pending:
             self._worker.put(self._live.check_marks)
 

@@ -1,4 +1,4 @@
-"""trolley_node: a simulated measuring trolley -> rail_surface or rail_surface_points, and marks of its welds."""
+"""Node trolley_node: a simulated measuring trolley -> rail_surface or rail_surface_points, and marks of its welds."""
 
 import threading
 import time
@@ -17,14 +17,14 @@ from weld_force_ros.ros.contract_topics import ContractTopics
 from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
 from weld_force_ros.ros.nodes.trolley_input import CAPTURE_SERVICE
 
-_LOOK_S = 0.05
+_POLL_S = 0.05
 _ANSWER_S = 5.0
 _MARKS = ("marker", "service", "none")
 _FORMS = ("json", "points")
 
 
 class TrolleyNode(LifecycleNodeBase):
-    """Goes along a synthetic rail once, at `rate` times real speed, when somebody listens; inactive, it stands."""
+    """Measures a synthetic rail once, `rate` times as fast as real, when it has subscribers; stands while inactive."""
 
     kind = "trolley_node"
 
@@ -41,33 +41,33 @@ class TrolleyNode(LifecycleNodeBase):
             self._client = self.create_client(Trigger, CAPTURE_SERVICE)
             self._resources.callback(self.destroy_client, self._client)
         self.topics.publish_diagnostics()
-        self._going, self._stopped, self._finished = threading.Event(), threading.Event(), threading.Event()
-        self._thread = threading.Thread(target=self._go, name="trolley run", daemon=True)
+        self._running, self._stopped, self._finished = threading.Event(), threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._run, name="trolley run", daemon=True)
         self._resources.callback(self._stop)
 
     def _activate(self) -> None:
         super()._activate()
-        self._going.set()
+        self._running.set()
         if self._thread.ident is None:
             self._thread.start()
 
     def _deactivate(self) -> None:
         super()._deactivate()
-        self._going.clear()
+        self._running.clear()
 
     def stop_intake(self) -> None:
-        """Go no further."""
+        """Stop the trolley for good."""
         if self._configured:
             self._stopped.set()
 
     @property
     def pending(self) -> int:
-        """What is measured is sent at once."""
+        """Return 0: what is measured is sent at once."""
         return 0
 
     @property
     def finished(self) -> bool:
-        """Whether the whole rail was measured and every weld marked."""
+        """Return whether the whole rail was measured and every weld marked."""
         return self._configured and self._finished.is_set()
 
     def _stop(self) -> None:
@@ -75,28 +75,28 @@ class TrolleyNode(LifecycleNodeBase):
         if self._thread.ident is not None:
             self._thread.join(CLOSE_S)
 
-    def _go(self) -> None:
+    def _run(self) -> None:
         try:
-            if self._await_listeners():
+            if self._await_subscribers():
                 self._measure()
         except Exception as error:  # reported by whoever runs the node, and in /diagnostics
             if not self._stopped.is_set():
                 self.topics.diagnostics.fail(error)
 
-    def _await_listeners(self) -> bool:
-        self.get_logger().info("waiting for somebody who listens")
-        while not self._heard:
-            if self._stopped.wait(_LOOK_S):
+    def _await_subscribers(self) -> bool:
+        self.get_logger().info("waiting for subscribers")
+        while not self._has_subscribers:
+            if self._stopped.wait(_POLL_S):
                 return False
         return True
 
     @property
-    def _heard(self) -> bool:
+    def _has_subscribers(self) -> bool:
         wanted = [point_cloud.TOPIC if self._form == "points" else TOPICS[RailSurface].name]
         if self._marks == "marker":
             wanted.append(TOPICS[WeldMarker].name)
-        listened = all(self.count_subscribers(self.resolve_topic_name(topic)) for topic in wanted)
-        return listened and (self._marks != "service" or self._client.service_is_ready())
+        subscribed = all(self.count_subscribers(self.resolve_topic_name(topic)) for topic in wanted)
+        return subscribed and (self._marks != "service" or self._client.service_is_ready())
 
     def _measure(self) -> None:
         due_s, at_s = time.monotonic(), 0.0
@@ -111,8 +111,8 @@ class TrolleyNode(LifecycleNodeBase):
         self.get_logger().info(f"{self.rail.length_m:g} m of rail measured, {len(self.rail.welds)} welds")
 
     def _wait_until(self, due_s: float) -> bool:
-        """Whether to go on."""
-        while not self._going.wait(_LOOK_S):
+        """Return True once it is time, False if the trolley was stopped."""
+        while not self._running.wait(_POLL_S):
             if self._stopped.is_set():
                 return False
         return not self._stopped.wait(max(due_s - time.monotonic(), 0.0))
@@ -138,7 +138,7 @@ class TrolleyNode(LifecycleNodeBase):
             self._call_service()
 
     def _call_service(self) -> None:
-        """Stand still until there is an answer, as whoever presses the button does."""
+        """Mark a weld by the service; the trolley stands still until there is an answer."""
         self.topics.wait_until_acknowledged(_ANSWER_S)
         answered = threading.Event()
         future = self._client.call_async(Trigger.Request())

@@ -34,7 +34,7 @@ from weld_force_ros.messages import (
     encode,
 )
 from weld_force_ros.ros import qos
-from weld_force_ros.ros.launcher import KINDS, Kind, NodeSuite
+from weld_force_ros.ros.node_suite import KINDS, Kind, NodeSuite
 
 SPEEDS = "40,80,120"
 POSITIONS = "0.15,0.30"
