@@ -6,7 +6,7 @@ import pytest
 from msgspec import UNSET
 from msgspec.structs import replace
 
-from tests.ros.test_nodes_together import plotted
+from tests.ros.test_node_suite import plotted
 from weld_force_ros.messages import Criterion, Verdict
 from weld_force_ros.ros.typed_messages import criteria
 

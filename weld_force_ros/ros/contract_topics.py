@@ -6,15 +6,14 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from types import TracebackType
-from typing import Any, NamedTuple, Self, TypeVar
+from typing import NamedTuple, Self, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from msgspec import UNSET, UnsetType
 from rclpy.callback_groups import CallbackGroup
-from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import HistoryPolicy, QoSProfile
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from std_msgs.msg import String
 
@@ -33,24 +32,12 @@ from weld_force_ros.messages import (
 from weld_force_ros.ros import diagnostics, qos
 from weld_force_ros.ros.diagnostics import NodeDiagnostics
 from weld_force_ros.ros.sequence_tracker import Header, SequenceTracker, read_header
+from weld_force_ros.ros.serialized_messages import RecordedPublisher, SerializedMessage, subscribe_raw
 
 M = TypeVar("M", bound=Message)
 _MAX_NAME = 200
-_NO_TIME = Duration()
-_SLOW_SUBSCRIBER_S = 2.0
 _CLOSE_S = 5.0
 _CDR_OVERHEAD_BYTES = 64
-
-
-class SerializedMessage(NamedTuple):
-    """A serialised message of any topic, as it is recorded; times are nanoseconds since the epoch."""
-
-    topic: str
-    message_type: type
-    qos: QoSProfile
-    cdr: bytes
-    received_ns: int
-    sent_ns: int
 
 
 class Incoming(NamedTuple):
@@ -82,84 +69,6 @@ class Incoming(NamedTuple):
         if self.header is None or not self.header.publisher:
             return f"{topic} message"
         return f"{topic} message {self.header.sequence} of {self.header.publisher}"
-
-
-class RecordedPublisher:
-    """A ROS publisher that hands each message to a recorder before it publishes it."""
-
-    def __init__(
-        self,
-        node: Node,
-        message_type: type,
-        topic: str,
-        profile: QoSProfile,
-        record: Callable[[SerializedMessage], None],
-    ) -> None:
-        self._node = node
-        self._publisher = node.create_publisher(message_type, topic, profile)
-        self._describe = (self._publisher.topic_name, message_type, profile)
-        self._record = record
-        self._depth = profile.depth if profile.history == HistoryPolicy.KEEP_LAST else 0
-        self._unacknowledged = 0
-
-    def publish(self, message: Any) -> None:
-        """Record, then publish, a ROS message."""
-        cdr = serialize_message(message)
-        now_ns = time.time_ns()
-        self._record(SerializedMessage(*self._describe, cdr, now_ns, now_ns))
-        self.publish_recorded(cdr)
-
-    def publish_recorded(self, cdr: bytes) -> None:
-        """Publish a serialised message that is recorded already."""
-        if self._depth and self._unacknowledged >= self._depth - 1:
-            # Otherwise a message that a subscriber has not got yet would be pushed out. A subscriber that is stuck for
-            # longer loses messages and sees a gap: it cannot hold up everybody else.
-            self.wait_until_acknowledged(time.monotonic() + _SLOW_SUBSCRIBER_S)
-            self._unacknowledged = 0
-        self._publisher.publish(cdr)
-        self._unacknowledged += 1
-
-    @property
-    def has_subscriber(self) -> bool:
-        """Return whether a subscriber is matched; the node knows of it a moment before."""
-        return bool(self._publisher.get_subscription_count())
-
-    def wait_until_acknowledged(self, deadline: float) -> None:
-        """Wait until every subscriber has what was published, or until `deadline` (monotonic seconds)."""
-        # rclpy's own waiting holds the interpreter lock.
-        pause = threading.Event()
-        while not self._publisher.wait_for_all_acked(_NO_TIME) and time.monotonic() < deadline:
-            pause.wait(0.005)
-
-    def destroy(self) -> None:
-        """Withdraw the topic."""
-        self._node.destroy_publisher(self._publisher)
-
-
-def subscribe_raw(
-    node: Node,
-    message_type: type,
-    topic: str,
-    profile: QoSProfile,
-    take: Callable[[SerializedMessage], None],
-    group: CallbackGroup | None = None,
-) -> Subscription:
-    """Subscribe to a topic of any type; `take` gets each message in the executor's thread and must be quick."""
-
-    def callback(cdr: bytes, info: dict[str, int]) -> None:
-        take(
-            SerializedMessage(
-                subscription.topic_name,
-                message_type,
-                profile,
-                cdr,
-                info["received_timestamp"],
-                info["source_timestamp"],
-            )
-        )
-
-    subscription = node.create_subscription(message_type, topic, callback, profile, raw=True, callback_group=group)
-    return subscription
 
 
 class ContractTopics:

@@ -111,7 +111,7 @@ def play(
     """Play a recording on the ROS graph of this machine, or of the discovery range the user chose.
 
     Every reliable subscriber gets every message: before one that it lacks is pushed out of a publisher's history, the
-    publisher waits for it, up to the bound of `contract_topics.RecordedPublisher`.
+    publisher waits for it, up to the bound of `serialized_messages.RecordedPublisher`.
 
     Args:
         path: a bag folder or an .mcap file; a cut one is played up to the cut.

@@ -14,9 +14,9 @@ from rosgraph_msgs.msg import Clock
 
 from weld_force_ros.errors import BagError
 from weld_force_ros.recording import MessageDefinition, Recorded
-from weld_force_ros.ros.contract_topics import RecordedPublisher
 from weld_force_ros.ros.playback_plan import Channel, ChannelSize, PlaybackOptions, PlaybackPlan
 from weld_force_ros.ros.playback_qos import playback_qos
+from weld_force_ros.ros.serialized_messages import RecordedPublisher
 from weld_force_ros.ros.type_definitions import type_hash
 
 CLOCK_TOPIC = "/clock"

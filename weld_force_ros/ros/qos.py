@@ -2,7 +2,7 @@
 
 Contract topics lose nothing: reliable, and read with everything kept. What is written is kept for those who join later
 up to a depth by topic: Fast DDS would keep 5000 messages of any size, a gigabyte of force histories. Before a message
-is pushed out of that depth, every live subscriber must have it (`contract_topics.RecordedPublisher`).
+is pushed out of that depth, every live subscriber must have it (`serialized_messages.RecordedPublisher`).
 """
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy

@@ -26,13 +26,14 @@ from weld_force_ros.messages import (
     identity,
 )
 from weld_force_ros.ros import qos
-from weld_force_ros.ros.contract_topics import ContractTopics, Incoming, SerializedMessage
+from weld_force_ros.ros.contract_topics import ContractTopics, Incoming
 from weld_force_ros.ros.diagnostics import TOPIC as DIAGNOSTICS_TOPIC
 from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
 from weld_force_ros.ros.nodes.outcome_ledger import Ledger, read_ledger
 from weld_force_ros.ros.nodes.published_ledger import PublishedLedger
 from weld_force_ros.ros.nodes.topic_recorder import TopicRecorder
 from weld_force_ros.ros.nodes.verdict_publisher import VerdictPublisher
+from weld_force_ros.ros.serialized_messages import SerializedMessage
 from weld_force_ros.ros.worker import BackPressureGroup, Worker
 
 M = TypeVar("M", bound=Message)
@@ -74,7 +75,8 @@ class AssessmentNode(LifecycleNodeBase):
         }
 
     def _configure(self, values: dict[str, Any]) -> None:
-        limits, bag, closing = _limits(values), _bag(values), threading.Event()
+        limits, closing = _limits(values), threading.Event()
+        bag = Path(values["bag"]).expanduser() if values["bag"] else None
         intake_group = self.intake_group
         self.topics = self._resources.enter_context(
             ContractTopics(
@@ -256,7 +258,3 @@ class AssessmentNode(LifecycleNodeBase):
 
 def _limits(values: dict[str, Any]) -> AssessmentSettings:
     return load_limits(Path(values["limits"]).expanduser() if values["limits"] else None)
-
-
-def _bag(values: dict[str, Any]) -> Path | None:
-    return Path(values["bag"]).expanduser() if values["bag"] else None

@@ -18,8 +18,9 @@ from weld_force_ros.messages import (
 from weld_force_ros.report.html_page import page
 from weld_force_ros.report.live_report import NEWEST, LiveReport
 from weld_force_ros.report.live_server import Server
-from weld_force_ros.ros.contract_topics import ContractTopics, SerializedMessage
+from weld_force_ros.ros.contract_topics import ContractTopics
 from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
+from weld_force_ros.ros.serialized_messages import SerializedMessage
 from weld_force_ros.ros.worker import Worker
 
 _SHOWN = (SimulationSettings, AssessmentSettings, WeldProfile, ForceMap, ForceHistory, Verdict, Rejection)

@@ -5,8 +5,9 @@ import time
 from collections.abc import Callable, Sequence
 
 from weld_force_ros.messages import MAX_IDS, Inquiry, Rejection, Settled, WeldProfile
-from weld_force_ros.ros.contract_topics import ContractTopics, SerializedMessage
+from weld_force_ros.ros.contract_topics import ContractTopics
 from weld_force_ros.ros.qos import MAX_OUTSTANDING
+from weld_force_ros.ros.serialized_messages import SerializedMessage
 
 _POLL_S = 0.02
 _LEDGER_APPEARS_S = 1.0

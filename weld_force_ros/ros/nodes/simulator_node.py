@@ -17,10 +17,11 @@ from weld_force_ros.messages import (
     WeldProfile,
     identity,
 )
-from weld_force_ros.ros.contract_topics import ContractTopics, SerializedMessage
+from weld_force_ros.ros.contract_topics import ContractTopics
 from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
 from weld_force_ros.ros.parameters import settings_from_parameters
 from weld_force_ros.ros.qos import KEPT_DEPTH
+from weld_force_ros.ros.serialized_messages import SerializedMessage
 from weld_force_ros.ros.worker import Worker
 from weld_force_ros.simulation import simulator
 

@@ -8,7 +8,7 @@ from typing import Self
 
 from weld_force_ros.errors import BagError, DiskFullError
 from weld_force_ros.recording import MessageDefinition, Recorder
-from weld_force_ros.ros.contract_topics import SerializedMessage
+from weld_force_ros.ros.serialized_messages import SerializedMessage
 from weld_force_ros.ros.type_definitions import message_definition
 
 _RETRY_S = 0.5

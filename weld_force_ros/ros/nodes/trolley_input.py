@@ -22,8 +22,9 @@ from weld_force_ros.measurement.live_capture import LiveCapture
 from weld_force_ros.measurement.rail_stream import STEP_M
 from weld_force_ros.messages import MAX_MESSAGE_BYTES, TOPICS, Message, RailSurface, WeldMarker
 from weld_force_ros.ros import point_cloud, qos
-from weld_force_ros.ros.contract_topics import ContractTopics, SerializedMessage, subscribe_raw
+from weld_force_ros.ros.contract_topics import ContractTopics
 from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
+from weld_force_ros.ros.serialized_messages import SerializedMessage, subscribe_raw
 from weld_force_ros.ros.worker import BackPressureGroup, Worker
 
 CAPTURE_SERVICE = "capture_weld"
