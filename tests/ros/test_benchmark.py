@@ -32,6 +32,6 @@ def test_weld_without_a_recorded_verdict_is_lost(monkeypatch: pytest.MonkeyPatch
 
 
 def test_without_ros_there_is_nothing_to_measure(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "weld_force_ros.ros.launcher", None)
+    monkeypatch.setitem(sys.modules, "weld_force_ros.ros.node_suite", None)
     assert nodes.latencies() == {}
     assert nodes.sustained() == {}
