@@ -244,12 +244,12 @@ def _publisher() -> Iterator[Callable[[Message], int]]:
     context = rclpy.Context()
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("soak", context=context)
-    outlets = {
+    publishers = {
         kind: node.create_publisher(String, TOPICS[kind].name, qos.publisher_qos(TOPICS[kind])) for kind in PUBLISHED
     }
     sequence = dict.fromkeys(PUBLISHED, 0)
     deadline_s = time.monotonic() + _START_S
-    while not all(publisher.get_subscription_count() for publisher in outlets.values()):
+    while not all(publisher.get_subscription_count() for publisher in publishers.values()):
         assert time.monotonic() < deadline_s, "the dashboard does not listen"
         time.sleep(0.1)
 
@@ -259,7 +259,7 @@ def _publisher() -> Iterator[Callable[[Message], int]]:
         message.stamp = Stamp(sec=now_ns // 10**9, nanosec=now_ns % 10**9)
         sequence[kind] += 1
         text = encode(message).decode()
-        outlets[kind].publish(String(data=text))
+        publishers[kind].publish(String(data=text))
         return len(text)
 
     yield publish

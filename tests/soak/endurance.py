@@ -68,7 +68,7 @@ def run(welds: int, *, show: bool = False, **simulator: str) -> Result:
         result.longest_ms_until_on_disk = float(diagnostics["/assessment_node"]["longest ms until on disk"])
         result.sequence_gaps = sum(int(values["sequence gaps"]) for values in diagnostics.values())
         result.received = len({v.weld_id for v in suite.listener.verdicts})
-        result.restarts = sum(child.starts - 1 for child in suite.supervisor.processes.values())
+        result.restarts = sum(process.starts - 1 for process in suite.supervisor.processes.values())
         supervisor, bag = suite.supervisor, suite.bag
         for kind in KINDS:
             supervisor.processes[kind].stop(60.0)
@@ -102,7 +102,7 @@ def _feed(suite: Field, welds: int, result: Result, *, show: bool) -> None:
 
 def _memory_mb(suite: Field) -> dict[str, float]:
     """Resident memory of each process, shared memory of the middleware included; pages of files are not counted."""
-    return {kind: _own_mb(child.pid) for kind, child in suite.supervisor.processes.items() if child.pid}
+    return {kind: _own_mb(process.pid) for kind, process in suite.supervisor.processes.items() if process.pid}
 
 
 def _own_mb(pid: int) -> float:

@@ -78,11 +78,11 @@ def run(kills: int, *, welds_per_s: float = 3.0, seed: int = 1, kinds: tuple[Kin
         while alive := [kind for kind in kinds if result.kills[kind] < kills]:
             wait_until(lambda: False, choice.uniform(0.05, 3.0), suite.supervisor)
             victim = choice.choice(alive)
-            child = suite.supervisor.processes[victim]
-            if child.pid is None:
+            process = suite.supervisor.processes[victim]
+            if process.pid is None:
                 continue  # being started again
             at_s = time.monotonic()
-            os.kill(child.pid, signal.SIGKILL)
+            os.kill(process.pid, signal.SIGKILL)
             result.kills[victim] += 1
             due |= {(v.publisher, v.sequence) for v in suite.listener.verdicts if v.at_s < at_s - OLDER_S}
         stopping.set()

@@ -487,7 +487,7 @@ def _live_node() -> tuple[Any, type, list[Rejection]]:
 def read_sample(data: bytes) -> Reading:
     """Take a DDS sample as a live node does: as a message, or a Rejection is published."""
     from weld_force_ros.ros import qos
-    from weld_force_ros.ros.serialized_messages import SerializedMessage
+    from weld_force_ros.ros.contract_topics import SerializedMessage
 
     messenger, string, rejections = _live_node()
     rejections.clear()

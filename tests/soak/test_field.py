@@ -36,10 +36,10 @@ def test_every_weld_of_a_run_has_one_outcome() -> None:
 
 def test_node_that_dies_is_started_again_and_that_is_said(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     with Supervisor({"profile": {"folder": str(tmp_path)}}) as supervisor:
-        child = supervisor.processes["simulator"]
-        before = child.pid
+        process = supervisor.processes["simulator"]
+        before = process.pid
         os.kill(before or 0, signal.SIGKILL)
-        assert wait_until(lambda: child.pid not in (before, None), 10.0, supervisor)
+        assert wait_until(lambda: process.pid not in (before, None), 10.0, supervisor)
     assert supervisor.code == 0
     assert "simulator node was killed by signal 9; starting it again" in capfd.readouterr().err
 

@@ -79,9 +79,8 @@ class NodeProcess:
         self._process.terminate()
         try:
             code = self._process.wait(timeout_s)
-            return (
-                0 if code == -signal.SIGTERM else code
-            )  # before it had installed its signal handlers, so before it took anything
+            # Ended by the signal itself: it had no handler for it yet, so it had taken nothing.
+            return 0 if code == -signal.SIGTERM else code
         except subprocess.TimeoutExpired:
             self._process.kill()
             return self._process.wait()
@@ -120,9 +119,9 @@ class Supervisor:
         Raises:
             WeldForceError: a node cannot be started as it is configured.
         """
-        for child in self.processes.values():
-            if child.restart_dead() == _BAD_INPUT and child.starts == 1:
-                raise WeldForceError(f"the {child.kind} node cannot work like this; see the line above")
+        for process in self.processes.values():
+            if process.restart_dead() == _BAD_INPUT and process.starts == 1:
+                raise WeldForceError(f"the {process.kind} node cannot work like this; see the line above")
 
     def __exit__(self, *_: object) -> None:
         with self._stack:
