@@ -487,14 +487,14 @@ def _live_node() -> tuple[Any, type, list[Rejection]]:
 def read_sample(data: bytes) -> Reading:
     """Take a DDS sample as a live node does: as a message, or a Rejection is published."""
     from weld_force_ros.ros import qos
-    from weld_force_ros.ros.contract_topics import SerializedMessage
+    from weld_force_ros.ros.serialized_messages import SerializedMessage
 
-    messenger, string, rejections = _live_node()
+    topics, string, rejections = _live_node()
     rejections.clear()
     kinds = list(TOPICS)
     kind = kinds[zlib.crc32(data) % len(kinds)] if zlib.crc32(data) % 4 == 0 else WeldProfile
-    incoming = messenger.receive(kind, SerializedMessage("/malformed", string, qos.CONTRACT, data, 0, 0))
-    message = messenger.decode_or_reject(kind, incoming, rejections.append)
+    incoming = topics.receive(kind, SerializedMessage("/malformed", string, qos.CONTRACT, data, 0, 0))
+    message = topics.decode_or_reject(kind, incoming, rejections.append)
     parsed = _is_json(incoming.text.encode("utf-8", "replace"))
     if message is not None:
         return Reading(parsed, True, _use(message, data))
