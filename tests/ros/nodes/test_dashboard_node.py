@@ -76,7 +76,10 @@ def whole(url: str, number: int) -> dict[str, Any]:
     found: dict[str, Any] = {}
 
     def complete() -> bool:
-        found.update(json.loads(gzip.decompress(get(f"{url}weld/{number}"))))
+        try:
+            found.update(json.loads(gzip.decompress(get(f"{url}weld/{number}"))))
+        except urllib.error.HTTPError:  # the row comes a moment before its details
+            return False
         return "history" in found and "profile" in found
 
     wait_until(complete)
