@@ -126,7 +126,7 @@ def sharp_angles(speeds_kmh: ArrayLike, peak_n: ArrayLike, peak_x_m: ArrayLike, 
     """Speeds in km/h at which another peak of the history becomes the largest.
 
     The place of the maximum jumps there, and the curve turns upward; the speed is where the lines through two speeds on
-    either side cross. For the same from separate peaks see `weld_force_ros.physics.analysis.peaks.hand_overs`.
+    either side cross.
 
     Args:
         speeds_kmh: (n,), increasing, at least three.
