@@ -48,7 +48,7 @@ def rate(time, state, poles_re, poles_im, shapes, grid_m, pieces, piece_m, from_
 def peak_by_runge_kutta(
     state, dt, steps, poles_re, poles_im, shapes, grid_m, pieces, piece_m, from_x, to_first, speed, physics
 ):
-    """Peak force of `rate` by the classical fourth-order method in small steps: another solver for every passage."""
+    """Return the peak force of `rate` by the classical fourth-order method in small steps."""
     size = state.shape[0]
     y, z = state.copy(), np.empty(size)
     slopes = np.empty((4, size))
@@ -76,7 +76,7 @@ def peak_by_runge_kutta(
 
 @compiled(nogil=True, fastmath=FAST_MATH)
 def multiply_adds(numbers, rounds):
-    """Four chains of multiply-adds of `LANES` in registers: the most that one core can do, to compare with."""
+    """Compute four chains of multiply-adds of `LANES` in registers: the most that one core can do."""
     factor, term = load(numbers, 0), load(numbers, 1)
     a, b, c, d = load(numbers, 2), load(numbers, 3), load(numbers, 4), load(numbers, 5)
     for _ in range(rounds):

@@ -20,12 +20,12 @@ _PER_CONTACT = 78  # 39 of them in single precision: the first guess and three i
 
 
 def operations_per_step(poles: int) -> int:
-    """Of one lane."""
+    """Return the operations of one lane."""
     return _PER_POLE * poles + _PER_CONTACT
 
 
 def arithmetic(repetitions: int) -> dict[str, object]:
-    """One thread: the kernel on a smooth wave of fixed length, and independent multiply-adds in registers."""
+    """Time passages over a smooth wave of fixed length, and independent multiply-adds, on one thread."""
     model = study.model()
     solver = study.vehicle_track(1).solver
     positions = np.arange(2 * _PAIRS)

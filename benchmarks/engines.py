@@ -10,7 +10,7 @@ _TIMES = 4
 
 
 def engines(repetitions: int) -> dict[str, Any]:
-    """Common poles and RFP roll the whole study; the reference one weld at one speed."""
+    """Time the whole study by common poles and RFP, one weld at one speed by the reference."""
     fast, rational, reference = (study.study(engine) for engine in ("common-poles", "rfp", "reference"))
     weld = reference.wheel_paths[study.WELDS[1]]
     taken = timing.interleaved(
@@ -31,7 +31,7 @@ def engines(repetitions: int) -> dict[str, Any]:
 
 
 def threads(repetitions: int) -> dict[str, Any]:
-    """The study four times over, in one stream, on one thread and on two, in turn."""
+    """Time the study four times over, in one stream, on one thread and on two, in turn."""
     workload = study.study()
     vehicle_tracks = {count: study.vehicle_track(count) for count in (1, 2)}
     taken = timing.interleaved(

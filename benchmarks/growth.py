@@ -16,7 +16,7 @@ _ROUNDS = 10
 
 
 def growth(repetitions: int) -> dict[str, Any]:
-    """Seconds and peak memory of the study's welds over and over; sizes in turn."""
+    """Measure seconds and peak memory of the study's welds over and over; sizes in turn."""
     found: dict[int, list[tuple[float, float]]] = {size: [] for size in SIZES}
     for _ in range(repetitions):
         for size in SIZES:
@@ -43,7 +43,7 @@ def _in_fresh_process(passages: int) -> tuple[float, float]:
 
 
 def _roll(passages: int) -> tuple[float, float]:
-    """Seconds a passage for about so many, tables made before, and the process's peak memory in MB."""
+    """Return seconds a passage for about so many, tables made before, and the process's peak memory in MB."""
     workload, vehicle_track = study.study(), study.vehicle_track()
     rounds = -(-passages // workload.passages)
     row_count = max(1, round(passages / rounds / len(workload.welds) / study.POSITIONS))
@@ -65,7 +65,7 @@ def _roll(passages: int) -> tuple[float, float]:
 
 
 def _peak_memory_mb() -> float:
-    """Of this process: what getrusage gives began with the process that started it."""
+    """Return this process's; what getrusage gives began with the process that started it."""
     status = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
     return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmHWM")) / 1024
 

@@ -37,7 +37,7 @@ def _definition(name: str) -> track_file.TrackDefinition:
     return track_file.load(name)
 
 
-def _rig(track: str, **wheel: float) -> VehicleTrackModel:
+def _vehicle_track(track: str, **wheel: float) -> VehicleTrackModel:
     definition = _definition(track)
     return VehicleTrackModel(fit_store.fitted(definition).model(), replace(definition.wheel, **wheel))
 
@@ -49,28 +49,28 @@ def _cosine(length_m: float, depth_m: float) -> WheelPath:
 
 @cache
 def _on_continuous(length_m: float, depth_m: float, hertz_n_per_m15: float = 93.7e9) -> PeakMap:
-    vehicle_track = _rig("bilbao-continuous", hertz_n_per_m15=hertz_n_per_m15)
+    vehicle_track = _vehicle_track("bilbao-continuous", hertz_n_per_m15=hertz_n_per_m15)
     return vehicle_track.peak_map(_cosine(length_m, depth_m), SPEEDS_KMH, [0.0])
 
 
 def first_maximum_kmh(length_m: float) -> float:
-    """Speed of the first local maximum of the peak force over a 40 um dip."""
+    """Return the speed of the first local maximum of the peak force over a 40 um dip."""
     return float(SPEEDS_KMH[find_peaks(_on_continuous(length_m, 40e-6).peak_force_n[:, 0])[0][0]])
 
 
 def first_sharp_angle_kmh(length_m: float) -> float:
-    """Speed at which another peak of the history takes over: its place jumps by more than a tenth of the dip."""
+    """Return the speed at which another peak takes over: its place jumps by more than a tenth of the dip."""
     jumps = np.abs(np.diff(_on_continuous(length_m, 40e-6).peak_x_m[:, 0])) > length_m / 10
     return float(SPEEDS_KMH[np.argmax(jumps)]) + 0.5
 
 
 def least_rise_of_inverted_dip_n() -> float:
-    """Smallest step of the peak force from one km/h to the next over a 48 mm rise."""
+    """Return the smallest step of the peak force from one km/h to the next over a 48 mm rise."""
     return float(np.diff(_on_continuous(0.048, -40e-6).peak_force_n[:, 0]).min())
 
 
 def hertz_change_percent() -> float:
-    """Largest change of the peak force, in % of the static load, between Hertz constants 50 and 100, 20 to 250 km/h."""
+    """Return the largest change of peak force, % of static load, between Hertz 50 and 100, 20 to 250 km/h."""
     soft, hard = (_on_continuous(0.048, 40e-6, hertz).peak_force_n[:, 0] for hertz in (50e9, 100e9))
     change = np.abs(hard - soft)[SPEEDS_KMH <= 250.0].max()
     return float(100.0 * change / _definition("bilbao-continuous").wheel.static_load_n)
@@ -78,9 +78,9 @@ def hertz_change_percent() -> float:
 
 @cache
 def _flat_envelope() -> np.ndarray:
-    """Largest force of 15 positions over speed: the 0.9 mm flat on johansson-nielsen."""
+    """Return the largest force of 15 positions over speed: the 0.9 mm flat on johansson-nielsen."""
     positions = np.arange(15) * _definition("johansson-nielsen").track.spacing_m / 15
-    peak_map = _rig("johansson-nielsen").peak_map(_cosine(0.100, 0.9e-3), SPEEDS_KMH[:181:2], positions)
+    peak_map = _vehicle_track("johansson-nielsen").peak_map(_cosine(0.100, 0.9e-3), SPEEDS_KMH[:181:2], positions)
     return peak_map.peak_force_n.max(axis=1)
 
 
@@ -100,7 +100,7 @@ def static_stiffness_mn_per_m(track: str, share_of_span: float) -> float:
 
 
 def wheel_on_track_peak_hz(which: int) -> float:
-    """Receptance of the wheel's mass on `bilbao` at mid-span: |1 / (1/h - M w^2)|."""
+    """Return the receptance of the wheel's mass on `bilbao` at mid-span: |1 / (1/h - M w^2)|."""
     definition = _definition("bilbao")
     frequency = np.arange(20.0, 600.0)
     h = receptance(definition.track, frequency, [definition.track.spacing_m / 2])[0]
@@ -109,8 +109,8 @@ def wheel_on_track_peak_hz(which: int) -> float:
 
 
 def least_shift_of_smooth_rail_peak_mm() -> float:
-    """Least shift, from one speed to the next 10 km/h higher, of where in the span smooth rail's force is largest."""
-    peak_map = _rig("bilbao").peak_map(WheelPath(0.0, np.zeros(9)), np.arange(20.0, 161.0, 10.0), [0.0])
+    """Return the least shift of smooth rail's largest force in the span, from one speed to the next."""
+    peak_map = _vehicle_track("bilbao").peak_map(WheelPath(0.0, np.zeros(9)), np.arange(20.0, 161.0, 10.0), [0.0])
     return float(1e3 * np.diff(np.mod(peak_map.peak_x_m[:, 0], _definition("bilbao").track.spacing_m)).min())
 
 

@@ -29,7 +29,7 @@ def section_errors(name: str, refine: int) -> list[str]:
 
 
 def rod_error(equation, frequency_hz: float) -> float:
-    """Relative distance of the nearest wavenumber from the exact one, by bisection about it."""
+    """Return the relative distance of the nearest wavenumber from the exact one, by bisection about it."""
     omega, best = 2 * np.pi * frequency_hz, np.inf
     for k in wavenumbers(rod(), frequency_hz):
         low, high = 0.99 * k, 1.01 * k

@@ -60,7 +60,7 @@ class SolvedPassage:
         self._slope = np.empty(len(self.state))
 
     def peak_by_lsoda(self, rtol: float) -> float:
-        """Peak force by `scipy.integrate.solve_ivp` on the compiled equations."""
+        """Return the peak force by `scipy.integrate.solve_ivp` on the compiled equations."""
         at = np.linspace(0.0, self.end_s, int(self.end_s / _SAMPLED_S) + 2)
         scale = np.abs(self.state) + 1e-9
         solution = solve_ivp(
@@ -70,7 +70,7 @@ class SolvedPassage:
         return float(max(self._force(t, y) for t, y in zip(solution.t, states, strict=True)))
 
     def peak_by_runge_kutta(self) -> float:
-        """Peak force by a compiled Runge-Kutta method in steps of 5 µs."""
+        """Return the peak force by a compiled Runge-Kutta method in steps of 5 µs."""
         steps = int(self.end_s / _RUNGE_KUTTA_STEP_S) + 1
         return float(_solvers.peak_by_runge_kutta(self.state, _RUNGE_KUTTA_STEP_S, steps, *self._equations))
 
@@ -83,7 +83,7 @@ class SolvedPassage:
 
     @staticmethod
     def _physical(model: PoleModel, x_m: float, dt_s: float, rail: FloatArray, wheel: FloatArray) -> FloatArray:
-        """The states q_k of the equations (times the root of the pair's weight), from the kernel's scaled ones."""
+        """Return the states q_k of the equations (times the root of the pair's weight) from the scaled ones."""
         decay, old, new = first_order_hold(model.poles_rad_s, dt_s)
         shape = np.sqrt(model.pair_weight) * model.shapes_at(x_m)[0]
         states = (rail[0::2] + 1j * rail[1::2]) * (decay * new + old) + new * shape * wheel[2]
@@ -91,7 +91,7 @@ class SolvedPassage:
 
 
 def speed_against_solver(repetitions: int) -> dict[str, Any]:
-    """The study by the kernel and a sample of it by LSODA (rtol 1e-6), in turn: time per passage, and the ratio."""
+    """Time the study by the compiled passages and a sample of it by LSODA (rtol 1e-6), in turn."""
     workload, vehicle_track = study.study(), study.vehicle_track()
     sample = sampled(workload)
     taken = timing.interleaved(
@@ -115,7 +115,7 @@ def speed_against_solver(repetitions: int) -> dict[str, Any]:
 
 
 def accuracy() -> dict[str, Any]:
-    """Errors of peak forces: of the kernel and of LSODA at rtol 1e-6 against rtol 1e-10 on a sample, per cent.
+    """Compare peak forces, and LSODA's at rtol 1e-6, with rtol 1e-10 on a sample, per cent.
 
     Every passage of the study is also compared with a compiled Runge-Kutta method, whose own distance from rtol 1e-10
     is given.
@@ -153,7 +153,7 @@ def accuracy() -> dict[str, Any]:
 
 
 def sampled(workload: Study) -> list[Cell]:
-    """Passages drawn with a fixed seed, as many over each weld."""
+    """Return passages drawn with a fixed seed, as many over each weld."""
     random = np.random.default_rng(_SEED)
     rows, columns = len(workload.speeds_kmh), len(workload.positions_m)
     return [

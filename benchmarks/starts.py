@@ -43,7 +43,7 @@ print([after - before for before, after in zip(laps, laps[1:])])
 
 
 def starts(repetitions: int = 3) -> dict[str, Any]:
-    """Seconds of fresh processes; `simulate_*` from the shell's side, the others from within, interpreter started.
+    """Time fresh processes; `simulate_*` from the shell's side, the others from within, interpreter started.
 
     `first_result_*` splits the same simulation, compiled code kept: imports, track and profile, force map.
     """
@@ -73,7 +73,7 @@ def _printed(code: str, compiled: Path) -> Any:
 
 
 def _run(arguments: list[str], compiled: Path) -> bytes:
-    """Standard output of a fresh interpreter that works beside, and with, this folder of compiled code."""
+    """Return standard output of a fresh interpreter that works beside, and with, this folder of compiled code."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(compiled)}
     command = [sys.executable, *arguments]
     return subprocess.run(command, cwd=compiled.parent, env=environment, capture_output=True, check=True).stdout

@@ -38,21 +38,21 @@ class Study:
 
     @property
     def speeds_kmh(self) -> FloatArray:
-        """(48,)."""
+        """Return the speeds, (48,)."""
         return np.array(self.simulator.settings.speeds_kmh)
 
     @property
     def positions_m(self) -> FloatArray:
-        """(15,), over one span."""
+        """Return the positions over one span, (15,)."""
         return np.array(self.simulator.settings.positions_m)
 
     @property
     def passages(self) -> int:
-        """Of all welds."""
+        """Return the number of passages of all welds."""
         return len(self.welds) * len(self.speeds_kmh) * POSITIONS
 
     def roll(self, vehicle_track: VehicleTrackModel | None = None, times: int = 1) -> None:
-        """Every passage so many times, in one stream, by the simulator's own rig or another."""
+        """Simulate every passage so many times, in one stream, by the simulator's own model or another."""
         rolled = (vehicle_track or self.simulator.vehicle_track).peak_maps(
             times * list(self.wheel_paths.values()), self.speeds_kmh, self.positions_m
         )
@@ -60,7 +60,7 @@ class Study:
 
 
 def study(engine: str = "common-poles") -> Study:
-    """The study with an engine."""
+    """Return the study with an engine."""
     settings = simulation_settings(track=TRACK, engine=engine, speeds_kmh=parse_speeds(SPEEDS), positions=POSITIONS)
     simulator = Simulator(settings)
     welds = {name: profile_file.read_profile(profile_file.find(name)) for name in WELDS}
@@ -68,11 +68,11 @@ def study(engine: str = "common-poles") -> Study:
 
 
 def vehicle_track(threads: int | None = None) -> VehicleTrackModel:
-    """The study's wheel and track on so many threads, or one a core."""
+    """Return the study's wheel and track on so many threads, or one a core."""
     definition = track_file.load(TRACK)
     return VehicleTrackModel(model(), definition.wheel, threads=threads)
 
 
 def model() -> PoleModel:
-    """The study's track as common poles."""
+    """Return the study's track as common poles."""
     return fit_store.fitted(track_file.load(TRACK)).model()

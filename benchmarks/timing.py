@@ -7,18 +7,18 @@ from typing import Any
 
 
 def seconds(work: Callable[[], object]) -> float:
-    """Wall time of one call."""
+    """Return the wall time of one call."""
     began = time.perf_counter()
     work()
     return time.perf_counter() - began
 
 
 def interleaved(kinds: Mapping[str, Callable[[], object]], repetitions: int) -> dict[str, list[float]]:
-    """Seconds of each kind of work in turn, once more than asked for: the first round warms up and is not counted."""
+    """Return seconds of each kind of work, taken in turn; a first round warms up and is not counted."""
     rounds = [{name: seconds(work) for name, work in kinds.items()} for _ in range(repetitions + 1)][1:]
     return {name: [taken[name] for taken in rounds] for name in kinds}
 
 
 def figure(name: str, values: list[float]) -> dict[str, Any]:
-    """Median, least and most of repetitions, as entries of the result."""
+    """Return median, least and most of repetitions, as entries of the result."""
     return {name: float(statistics.median(values)), f"{name}_spread": [float(min(values)), float(max(values))]}

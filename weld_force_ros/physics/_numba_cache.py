@@ -78,7 +78,7 @@ class _MachineCode(NullCache):  # type: ignore[misc]  # Numba ships no types for
         return hashlib.sha256(self._made_from + code).digest() + code
 
     def _paths(self, signature: Any, codegen: Any) -> list[Path]:
-        """Where machine code for this signature, processor and Python may lie, best first."""
+        """Return where machine code for this signature, processor and Python may lie, best first."""
         made_for = (str(self._home), signature, codegen.magic_tuple(), sys.implementation.cache_tag)
         name = f"{self._name}-{hashlib.sha256(repr(made_for).encode()).hexdigest()[:16]}.nbc"
         if numba.config.CACHE_DIR:

@@ -232,7 +232,9 @@ def make_rfp(
     def note(progress: rational_search.Progress) -> None:
         now = progress.population
         with contextlib.suppress(OSError):
-            _files.write_whole(state_file, msgspec.json.encode(_Interrupted(key, now.generation, now.genes.tolist())))
+            _files.write_whole(
+                state_file, msgspec.json.encode(_Interrupted(key, now.generation, now.decision_vectors.tolist()))
+            )
         if on_generation:
             on_generation(progress)
 
@@ -246,7 +248,7 @@ def make_rfp(
     )
     with contextlib.suppress(OSError):
         state_file.unlink(missing_ok=True)
-    genes = front.genes[front.knee]
+    genes = front.decision_vectors[front.chosen]
     model = task.fit_at(genes)
     poles = model.poles()
     return RfpFit(
@@ -261,9 +263,9 @@ def make_rfp(
         genes=genes.tolist(),
         front_error=front.error.tolist(),
         front_variation=front.variation.tolist(),
-        knee=front.knee,
-        plain_error=front.plain[0],
-        plain_variation=front.plain[1],
+        knee=front.chosen,
+        plain_error=front.unweighted[0],
+        plain_variation=front.unweighted[1],
     )
 
 

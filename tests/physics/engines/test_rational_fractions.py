@@ -12,7 +12,7 @@ from weld_force_ros.errors import InputError
 from weld_force_ros.physics.engines import common_poles
 from weld_force_ros.physics.engines.common_poles import PoleModel, fit_frequencies
 from weld_force_ros.physics.engines.rational_fractions import RfpModel, fit_sections, smooth_rail
-from weld_force_ros.physics.engines.rational_search import GENES, FitTask, Front, Population, Progress, search
+from weld_force_ros.physics.engines.rational_search import VARIABLES, FitTask, Front, Population, Progress, search
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.track import beam
 from weld_force_ros.simulation.track_file import TrackDefinition
@@ -85,7 +85,7 @@ def test_a_tie_leads_all_sections_to_one_denominator():
     static = np.sum(-r / p, axis=1).real
     spread = []
     for tie in (0.0, 0.3, 3.0, 1e5):
-        a, b = fit_sections(FREQUENCY, h, 1 / np.abs(h), static, 4, tie=tie)
+        a, b = fit_sections(FREQUENCY, h, 1 / np.abs(h), static, 4, regularisation=tie)
         spread.append(np.ptp(a / a.mean(axis=0), axis=0).max())
         np.testing.assert_allclose(b[:, -1] / a[:, -1], static, rtol=1e-12)
     assert spread[0] == pytest.approx(2 * (1.1**4 - 1) / (1.1**4 + 1), rel=1e-6)  # a_4 is the product of all poles
@@ -236,9 +236,9 @@ def found(viscous: FitTask) -> Front:
 
 
 def test_the_front_beats_relative_weights_in_both_objectives(found: Front, viscous: FitTask):
-    error, variation = found.plain
+    error, variation = found.unweighted
     assert np.any((found.error < error) & (found.variation < variation))
-    plain = viscous.plain_fit()
+    plain = viscous.unweighted_fit()
     assert variation == plain.variation
     assert np.all(np.diff(found.error) > 0)
     assert np.all(np.diff(found.variation) < 0)
@@ -246,28 +246,28 @@ def test_the_front_beats_relative_weights_in_both_objectives(found: Front, visco
 
 def test_the_front_is_what_its_genes_give(found: Front, viscous: FitTask, definitions: dict[str, TrackDefinition]):
     definition = definitions["johansson-nielsen"]
-    for i in (0, found.knee, len(found.error) - 1):
-        model = viscous.fit_at(found.genes[i])
+    for i in (0, found.chosen, len(found.error) - 1):
+        model = viscous.fit_at(found.decision_vectors[i])
         assert model.variation == pytest.approx(found.variation[i], rel=1e-9)
         assert common_poles.relative_error(model, definition.track, definition.wheel.compliance) == pytest.approx(
             found.error[i], rel=1e-9
         )
 
 
-def test_the_knee_is_the_farthest_below_the_line_of_those_that_hold(found: Front, viscous: FitTask):
+def test_the_chosen_is_the_farthest_below_the_line_of_the_feasible(found: Front, viscous: FitTask):
     ends = np.array([[found.error[0], found.variation[0]], [found.error[-1], found.variation[-1]]])
     along = ends[1] - ends[0]
     scaled = (np.stack([found.error, found.variation], axis=1) - ends[0]) / np.abs(along)
     below = -(scaled @ [1.0, 1.0]) / np.sqrt(2)
-    assert viscous.holds(viscous.fit_at(found.genes[found.knee]))
-    for better in np.flatnonzero(below > below[found.knee] + 1e-12):
-        assert not viscous.holds(viscous.fit_at(found.genes[better]))
+    assert viscous.is_feasible(viscous.fit_at(found.decision_vectors[found.chosen]))
+    for better in np.flatnonzero(below > below[found.chosen] + 1e-12):
+        assert not viscous.is_feasible(viscous.fit_at(found.decision_vectors[better]))
 
 
 def test_the_chosen_fit_is_symmetric_stable_and_rests_at_the_exact_deflection(
     found: Front, viscous: FitTask, definitions: dict[str, TrackDefinition]
 ):
-    model, exact = viscous.fit_at(found.genes[found.knee]), definitions["johansson-nielsen"].track
+    model, exact = viscous.fit_at(found.decision_vectors[found.chosen]), definitions["johansson-nielsen"].track
     assert (model.order, len(model.section_m)) == (8, 15)
     at = np.linspace(0.0, exact.spacing_m, 121)
     assert np.all(model.poles(at).real < 0)
@@ -283,30 +283,30 @@ def test_the_chosen_fit_is_symmetric_stable_and_rests_at_the_exact_deflection(
 def test_a_fit_that_would_not_stay_bounded_is_not_held(definitions: dict[str, TrackDefinition]):
     definition = definitions["bilbao"]
     task = FitTask(definition.track, definition.wheel)
-    free, tied = (task.fit_at(np.append(np.zeros(GENES - 1), tie)) for tie in (-30.0, 3.0))
+    free, tied = (task.fit_at(np.append(np.zeros(VARIABLES - 1), tie)) for tie in (-30.0, 3.0))
     assert smooth_rail(free, definition.wheel.mass_kg, definition.wheel.contact_stiffness_n_per_m, 300.0).growth[0] > 1
-    assert not task.holds(free)
-    assert task.holds(tied)
+    assert not task.is_feasible(free)
+    assert task.is_feasible(tied)
 
 
 def test_a_resumed_search_ends_as_an_uninterrupted_one(small: FitTask):
-    heard: list[Progress] = []
-    whole = search(small, seed=5, population=6, generations=4, on_generation=heard.append)
-    assert [p.population.generation for p in heard] == [1, 2, 3, 4]
-    kept = json.loads(json.dumps(heard[1].population.genes.tolist()))
+    reported: list[Progress] = []
+    whole = search(small, seed=5, population=6, generations=4, on_generation=reported.append)
+    assert [p.population.generation for p in reported] == [1, 2, 3, 4]
+    kept = json.loads(json.dumps(reported[1].population.decision_vectors.tolist()))
     resumed = search(small, seed=5, generations=4, resume_from=Population(2, np.array(kept)))
-    for name in ("genes", "error", "variation"):
+    for name in ("decision_vectors", "error", "variation"):
         np.testing.assert_array_equal(getattr(resumed, name), getattr(whole, name))
-    assert resumed.knee == whole.knee
-    assert heard[-1].least_error == whole.error[0]
-    assert heard[-1].least_variation == whole.variation[-1]
+    assert resumed.chosen == whole.chosen
+    assert reported[-1].least_error == whole.error[0]
+    assert reported[-1].least_variation == whole.variation[-1]
 
 
 def test_a_search_repeats_with_its_seed_and_leaves_the_global_random_numbers_alone(small: FitTask):
     before = np.random.get_state()[1].tolist()  # noqa: NPY002
     first, again, other = (search(small, seed=seed, population=6, generations=2) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(first.genes, again.genes)
-    assert not np.array_equal(first.genes, other.genes)
+    np.testing.assert_array_equal(first.decision_vectors, again.decision_vectors)
+    assert not np.array_equal(first.decision_vectors, other.decision_vectors)
     assert np.random.get_state()[1].tolist() == before  # noqa: NPY002
 
 
@@ -314,10 +314,10 @@ def test_continuous_support_needs_one_section(definitions: dict[str, TrackDefini
     definition = definitions["bilbao-continuous"]
     task = FitTask(definition.track, definition.wheel, degree=6)
     found = search(task, population=6, generations=2)
-    model = task.fit_at(found.genes[found.knee])
+    model = task.fit_at(found.decision_vectors[found.chosen])
     assert len(model.section_m) == 1
     assert found.variation.tolist() == [0.0]
-    assert found.error[0] < found.plain[0]
+    assert found.error[0] < found.unweighted[0]
 
 
 def test_what_cannot_be_searched_is_refused(small: FitTask, definitions, monkeypatch: pytest.MonkeyPatch):
@@ -327,7 +327,7 @@ def test_what_cannot_be_searched_is_refused(small: FitTask, definitions, monkeyp
             FitTask(definition.track, definition.wheel, **wrong)
     with pytest.raises(InputError, match="use at least 4"):
         search(small, population=3, generations=1)
-    for genes in (np.zeros((6, 3)), np.full((6, GENES), np.nan), np.zeros(GENES)):
+    for genes in (np.zeros((6, 3)), np.full((6, VARIABLES), np.nan), np.zeros(VARIABLES)):
         with pytest.raises(InputError, match="start the search anew"):
             search(small, resume_from=Population(1, genes))
     monkeypatch.setitem(sys.modules, "pymoo.algorithms.moo.nsga2", None)

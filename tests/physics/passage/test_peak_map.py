@@ -1,4 +1,4 @@
-"""Steps by their error, ends by the echo: what a surface saves changes nothing that matters."""
+"""Steps by their error, ends by the transient: what a map saves changes nothing that matters."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_peaks_are_those_of_the_shortest_steps_and_a_long_run_out(
     assert found.min_force_n[0, 0] == pytest.approx(exact.min_force_n[0, 0], abs=4 * TOLERANCE * peak)
 
 
-def test_a_sharp_shape_is_rolled_in_shorter_steps_than_a_smooth_one(monkeypatch):
+def test_a_sharp_shape_is_simulated_in_shorter_steps_than_a_smooth_one(monkeypatch):
     strides: list[int] = []
     made = batch.make_batch
 

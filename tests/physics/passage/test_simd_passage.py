@@ -91,22 +91,22 @@ def test_contact_loss_is_the_same_in_lanes(monkeypatch):
     assert fast.min_force_n.min() == 0.0
 
 
-def test_results_do_not_depend_on_company_order_or_threads():
+def test_results_do_not_depend_on_other_speeds_order_or_threads():
     shape = cosine(0.1, 0.3e-3)
     speeds, positions = np.arange(20.0, 300.0, 17.0), np.arange(5) * 0.12
     whole = columns(vehicle_track("bilbao").peak_map(shape, speeds, positions))
     backwards = columns(vehicle_track("bilbao").peak_map(shape, speeds[::-1], positions[::-1]))
     alone = columns(vehicle_track("bilbao").peak_map(shape, speeds[3:4], positions[2:3]))
     definition = track_file.load("bilbao")
-    alone_rig = VehicleTrackModel(fit_store.fitted(definition).model(), definition.wheel, threads=1)
-    one_thread = columns(alone_rig.peak_map(shape, speeds, positions))
+    on_one_thread = VehicleTrackModel(fit_store.fitted(definition).model(), definition.wheel, threads=1)
+    one_thread = columns(on_one_thread.peak_map(shape, speeds, positions))
     for a, b, c, d in zip(whole, backwards, alone, one_thread, strict=True):
         np.testing.assert_array_equal(a, b[::-1, ::-1])
         np.testing.assert_array_equal(a[3:4, 2:3], c)
         np.testing.assert_array_equal(a, d)
 
 
-def test_a_rig_remembers_its_tables_and_gives_the_same_again():
+def test_a_model_remembers_its_tables_and_gives_the_same_again():
     shape, reused = cosine(0.05, 40e-6), vehicle_track("bilbao")
     reused.peak_map(cosine(0.2, 0.2e-3), [40.0, 90.0], [0.0])
     again, fresh = (

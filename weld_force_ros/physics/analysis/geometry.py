@@ -68,7 +68,7 @@ class QualityIndex:
 
 
 def classify(x_m: ArrayLike, z_m: ArrayLike) -> Geometry:
-    """Class of a weld's geometry by the paper's criterion.
+    """Return the class of a weld's geometry by the paper's criterion.
 
     Args:
         x_m: (n,), increasing.
@@ -89,7 +89,7 @@ def quality_index(
     line_speed_kmh: float,
     norm_mrad: Sequence[tuple[float, float]] = NORM_MRAD,
 ) -> QualityIndex:
-    """Gradient quality index after Steenbergen & Esveld, Proc. IMechE F 220 (2006).
+    """Return the gradient quality index after Steenbergen & Esveld, Proc. IMechE F 220 (2006).
 
     As the makers of the instrument describe it (esveld.com, railprof.com): heights every 5 mm, averaged over five
     samples, their gradient from sample to sample, the largest one over a norm. Here the 5 mm grid is laid at ten
@@ -112,7 +112,7 @@ def quality_index(
 
 
 def largest_gradient(x_m: ArrayLike, z_m: ArrayLike) -> float:
-    """Largest gradient of heights averaged over 25 mm, rad: what `quality_index` holds against its norm.
+    """Return the largest gradient of heights averaged over 25 mm, rad: what `quality_index` holds against its norm.
 
     Args:
         x_m: (n,), increasing.
@@ -130,7 +130,7 @@ def largest_gradient(x_m: ArrayLike, z_m: ArrayLike) -> float:
 
 
 def straightedge_gap(x_m: ArrayLike, z_m: ArrayLike) -> float:
-    """Largest distance between the rail and a straightedge of 1 m that lies on it, wherever it is laid, m.
+    """Return the largest distance between the rail and a straightedge of 1 m that lies on it, wherever it is laid, m.
 
     Heights are read every 5 mm; the rail is level beyond the ends.
 
@@ -157,7 +157,7 @@ def _checked(x_m: ArrayLike, z_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
 
 
 def _deepest_water(z: FloatArray) -> float:
-    """Depth of the deepest basin between smooth rail at level 0 on either side."""
+    """Return the depth of the deepest basin between smooth rail at level 0 on either side."""
     shores = np.concatenate([[0.0], z, [0.0]])
     behind = np.maximum.accumulate(shores)
     ahead = np.maximum.accumulate(shores[::-1])[::-1]

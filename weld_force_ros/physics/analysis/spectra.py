@@ -77,7 +77,7 @@ class Phase:
 
 
 def amplitude_spectrum(x_m: ArrayLike, values: ArrayLike, speed_kmh: float) -> Spectrum:
-    """Spectrum of what a wheel meets or does along the rail at a speed.
+    """Return the spectrum of what a wheel meets or does along the rail at a speed.
 
     The least-squares line is removed, a tenth of the record tapered (Tukey), zeros added to eight times its length, and
     amplitudes corrected for the taper.
@@ -100,7 +100,7 @@ def amplitude_spectrum(x_m: ArrayLike, values: ArrayLike, speed_kmh: float) -> S
 
 
 def spectral_peaks(spectrum: Spectrum, prominence: float = 0.05) -> list[SpectralPeak]:
-    """Local maxima of a spectrum in the order of frequency, refined by a parabola.
+    """Return the local maxima of a spectrum in the order of frequency, refined by a parabola.
 
     Args:
         spectrum: of a force or an irregularity.
@@ -114,7 +114,7 @@ def spectral_peaks(spectrum: Spectrum, prominence: float = 0.05) -> list[Spectra
 
 
 def wheelset_track_receptance(track: Track, wheel: Wheel, frequency_hz: ArrayLike, at_m: ArrayLike) -> ComplexArray:
-    """Receptance of the wheel's mass moving with the rail, 1 / (1/h - M w^2), m/N, shape (n_at, n_frequency).
+    """Return the receptance of the wheel's mass on the rail, 1 / (1/h - M w^2), m/N, (n_at, n_frequency).
 
     Args:
         track: whose receptance h is at the wheel.
@@ -127,7 +127,7 @@ def wheelset_track_receptance(track: Track, wheel: Wheel, frequency_hz: ArrayLik
 
 
 def resonances_hz(frequency_hz: ArrayLike, response: ArrayLike, prominence_db: float = 0.01) -> list[float]:
-    """Frequencies of the local maxima of a response's level, refined by a parabola.
+    """Return the frequencies of the local maxima of a response's level, refined by a parabola.
 
     Args:
         frequency_hz: (n,), increasing.
@@ -139,7 +139,7 @@ def resonances_hz(frequency_hz: ArrayLike, response: ArrayLike, prominence_db: f
 
 
 def bands(x_m: ArrayLike, force_n: ArrayLike, speed_kmh: float, cut_hz: float = CUT_HZ) -> Bands:
-    """A force history below and above a frequency, without delay; low and high part add up to the whole.
+    """Return a force history below and above a frequency, without delay; both parts add up to the whole.
 
     The low part is a Butterworth low pass run in both directions, a quarter of the power at `cut_hz`; the high part is
     what is left.
@@ -167,7 +167,7 @@ def bands(x_m: ArrayLike, force_n: ArrayLike, speed_kmh: float, cut_hz: float = 
 
 
 def phase_at_peak(parts: Bands, within_m: tuple[float, float] = (-np.inf, np.inf)) -> Phase:
-    """How the high part stands to the low part where the low part is largest.
+    """Return how the high part stands to the low part where the low part is largest.
 
     The period is that of the high part's largest spectral amplitude.
 

@@ -93,7 +93,7 @@ class SurfaceFeatures:
 def curve_features(
     speeds_kmh: ArrayLike, peak_n: ArrayLike, *, prominence: float = NEGLIGIBLE, tolerance: float = NEGLIGIBLE
 ) -> CurveFeatures:
-    """Extrema, hollows and linearity of a force-speed curve.
+    """Return extrema, local minima and linearity of a force-speed curve.
 
     Args:
         speeds_kmh: (n,), increasing, at least three.
@@ -123,7 +123,7 @@ def curve_features(
 
 
 def sharp_angles(speeds_kmh: ArrayLike, peak_n: ArrayLike, peak_x_m: ArrayLike, *, step_m: float = 5e-3) -> list[float]:
-    """Speeds in km/h at which another peak of the history becomes the largest.
+    """Return the speeds in km/h at which another peak of the history becomes the largest.
 
     The place of the maximum jumps there, and the curve turns upward; the speed is where the lines through two speeds on
     either side cross.
@@ -159,7 +159,7 @@ def surface_features(
     between_kmh: tuple[float, float] = (0.0, np.inf),
     tolerance: float = NEGLIGIBLE,
 ) -> SurfaceFeatures:
-    """Hollows, best and worst positions, and how much the position matters.
+    """Return local minima, best and worst positions, and how much the position matters.
 
     Args:
         speeds_kmh: (n_speed,), increasing, at least three.
@@ -217,7 +217,7 @@ def _maxima(speeds: FloatArray, force: FloatArray, prominence_n: float) -> list[
 
 
 def _falls(force: FloatArray, negligible_n: float) -> list[slice]:
-    """Runs of samples below an earlier one, by more than is negligible at their deepest."""
+    """Return the runs of samples below an earlier one, by more than is negligible at their deepest."""
     below = np.maximum.accumulate(force) - force
     edges = np.flatnonzero(np.diff(np.concatenate([[False], below > 0, [False]])))
     return [slice(a, b) for a, b in edges.reshape(-1, 2).tolist() if below[a:b].max() > negligible_n]
@@ -234,7 +234,7 @@ def _hollow(speeds: FloatArray, force: FloatArray, run: slice) -> Hollow:
 
 
 def _crossing(old_kmh: FloatArray, old_n: FloatArray, new_kmh: FloatArray, new_n: FloatArray) -> float | None:
-    """Where the line that ends one branch meets the line that begins the next, between the two; None if they cannot.
+    """Return where the line that ends one branch meets the next one's, between the two; None if they cannot.
 
     The larger of two forces turns upward where they cross. A branch of one speed has no line: half way, then.
     """
@@ -256,6 +256,6 @@ def _mean_over(speeds: FloatArray, force: FloatArray) -> FloatArray:
 
 
 def _surroundings(positions: FloatArray, span_m: float) -> FloatArray:
-    """Length of span nearest to each position, round the span."""
+    """Return the length of span nearest to each position, round the span."""
     gaps = np.diff(np.concatenate([positions, [positions[0] + span_m]]))
     return np.asarray((gaps + np.roll(gaps, 1)) / 2)

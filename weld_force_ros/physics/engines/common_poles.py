@@ -58,27 +58,27 @@ class PoleModel:
 
     @property
     def order(self) -> int:
-        """Number of states: two for a conjugate pair, one for a real pole."""
+        """Return the number of states: two for a conjugate pair, one for a real pole."""
         return int(np.sum(np.where(self.poles_rad_s.imag == 0, 1, 2)))
 
     @property
     def pair_weight(self) -> FloatArray:
-        """2 for a pole that stands for a conjugate pair, 1 for a real one: z = sum_k weight_k Re(shape_k q_k)."""
+        """Return 2 for a pole of a conjugate pair, 1 for a real one: z = sum_k weight_k Re(shape_k q_k)."""
         return np.where(self.poles_rad_s.imag == 0, 1.0, 2.0)
 
     def residues_at(self, at_m: ArrayLike) -> ComplexArray:
-        """Residues at any positions, (n_at, n): periodic cubic spline over the span."""
+        """Return the residues at any positions, (n_at, n): periodic cubic spline over the span."""
         return _periodic_spline(self.section_m, self.residues, self.spacing_m, at_m)
 
     def shapes_at(self, at_m: ArrayLike) -> ComplexArray:
-        """sqrt(R_k), its sign continuous along the span, (n_at, n)."""
+        """Return sqrt(R_k), its sign continuous along the span, (n_at, n)."""
         fine = self.spacing_m * np.arange(_SHAPE_POINTS) / _SHAPE_POINTS
         residues = self.residues_at(fine)
         phase = np.unwrap(np.angle(residues), axis=0)
         return _periodic_spline(fine, np.sqrt(np.abs(residues)) * np.exp(0.5j * phase), self.spacing_m, at_m)
 
     def propagation(self, at_m: FloatArray, dt_s: float) -> Propagation:
-        """A step of `dt_s` of the states q_k' = p_k q_k + shape_k f, as in `physics.passage.state_space`."""
+        """Return a step of `dt_s` of the states q_k' = p_k q_k + shape_k f; see `physics.passage.state_space`."""
         decay, old, new = first_order_hold(self.poles_rad_s, dt_s)
         within = decay * new + old
         shape, drives = self._on_grid(at_m)
@@ -94,7 +94,7 @@ class PoleModel:
         )
 
     def _on_grid(self, at_m: FloatArray) -> tuple[ComplexArray, FloatArray]:
-        """Shapes times the root of the pair's weight, plain and in pairs; remembered, as speeds share a few grids."""
+        """Return shapes times the root of the pair's weight, complex and in pairs; remembered for a few grids."""
         key = at_m.tobytes()
         if key not in self._grids:
             shapes = np.sqrt(self.pair_weight) * self.shapes_at(at_m)
@@ -102,7 +102,7 @@ class PoleModel:
         return self._grids[key]
 
     def receptance(self, frequency_hz: ArrayLike, at_m: ArrayLike) -> ComplexArray:
-        """Fitted point receptance, m/N, (n_at, n_frequency)."""
+        """Return the fitted point receptance, m/N, (n_at, n_frequency)."""
         s = 2j * np.pi * np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
         residues = self.residues_at(at_m)
         paired = np.where(self.poles_rad_s.imag == 0, 0.0, 1.0)
@@ -111,12 +111,12 @@ class PoleModel:
         return np.asarray(direct + mirrored)
 
     def static_compliance(self, at_m: ArrayLike) -> FloatArray:
-        """Deflection under a resting unit load, m/N, (n_at,)."""
+        """Return the deflection under a resting unit load, m/N, (n_at,)."""
         return np.asarray((self.residues_at(at_m) / -self.poles_rad_s).real @ self.pair_weight)
 
 
 def _periodic_spline(knots_m: FloatArray, values: ComplexArray, span_m: float, at_m: ArrayLike) -> ComplexArray:
-    """ComplexArray columns over one span, interpolated anywhere: (n_at, n)."""
+    """Return complex columns over one span, interpolated anywhere: (n_at, n)."""
     at = np.atleast_1d(np.asarray(at_m, dtype=np.float64))
     if len(knots_m) == 1:
         return np.repeat(values, len(at), axis=0)
@@ -126,7 +126,7 @@ def _periodic_spline(knots_m: FloatArray, values: ComplexArray, span_m: float, a
 
 
 def _in_pairs(values: ComplexArray) -> FloatArray:
-    """Real and imaginary parts side by side along the last axis."""
+    """Return the real and imaginary parts side by side along the last axis."""
     return np.ascontiguousarray(np.stack([values.real, values.imag], axis=-1).reshape(*values.shape[:-1], -1))
 
 
@@ -165,12 +165,12 @@ def fit_track(
 
 
 def fit_frequencies(band_hz: tuple[float, float] = BAND_HZ) -> FloatArray:
-    """Fitted frequencies, Hz: equal steps of the square root, between the linear scale's and the logarithm's."""
+    """Return the fitted frequencies, Hz: equal steps of the square root, between linear and logarithmic."""
     return np.linspace(np.sqrt(band_hz[0]), np.sqrt(band_hz[1]), FREQUENCIES) ** 2
 
 
 def common_poles(frequency_hz: FloatArray, receptance: ComplexArray, weight: FloatArray, order: int) -> ComplexArray:
-    """Poles (rad/s) that fit all rows of `receptance` (n_section, n_frequency) at once, by relaxed vector fitting.
+    """Return poles, rad/s, that fit all rows of `receptance` (n_section, n_frequency), by relaxed vector fitting.
 
     A pole that moves into the right half plane is mirrored into the left, so that the result is always stable.
     """
@@ -189,14 +189,14 @@ def common_poles(frequency_hz: FloatArray, receptance: ComplexArray, weight: Flo
 
 
 def _starting_poles(omega: FloatArray, order: int) -> ComplexArray:
-    """Weakly damped pairs over the band, a real pole at its lower end if the order is odd."""
+    """Return weakly damped pairs over the band, a real pole at its lower end if the order is odd."""
     imaginary = np.geomspace(max(omega[0], 0.02 * omega[-1]), omega[-1], max(order // 2, 1))
     pairs = -0.05 * imaginary + 1j * imaginary
     return np.concatenate([pairs, [-imaginary[0]]]) if order % 2 else pairs
 
 
 def _basis(s: ComplexArray, poles: ComplexArray) -> ComplexArray:
-    """Partial fractions with real coefficients, (n_frequency, order); a pair gives two columns, a real pole one."""
+    """Return partial fractions with real coefficients, (n_frequency, order): two columns a pair, one a real pole."""
     columns = []
     for p in poles:
         plus = 1 / (s - p)
@@ -215,7 +215,7 @@ def _stacked(matrix: ComplexArray) -> FloatArray:
 def _sigma(
     basis: ComplexArray, receptance: ComplexArray, weight: FloatArray, n_frequency: int
 ) -> tuple[FloatArray, float]:
-    """Coefficients and constant of the common denominator correction sigma, all sections at once."""
+    """Return the coefficients and constant of the common denominator correction sigma, all sections at once."""
     order = basis.shape[1]
     with_constant = np.concatenate([basis, np.ones((n_frequency, 1))], axis=1)
     blocks, targets = [], []
@@ -240,7 +240,7 @@ def _sigma(
 
 
 def _relocated(poles: ComplexArray, sigma: tuple[FloatArray, float]) -> ComplexArray:
-    """Zeros of sigma, made stable, one of each conjugate pair."""
+    """Return the zeros of sigma, made stable, one of each conjugate pair."""
     coefficients, constant = sigma
     order = len(coefficients)
     a, b = np.zeros((order, order)), np.zeros(order)
@@ -266,7 +266,7 @@ def _residues(
     poles_rad_s: ComplexArray,
     static: FloatArray,
 ) -> ComplexArray:
-    """Least-squares residues of each section under the constraint of its static compliance."""
+    """Return the least-squares residues of each section under the constraint of its static compliance."""
     poles = poles_rad_s / _SCALE
     basis = _basis(2j * np.pi * frequency_hz / _SCALE, poles)
     at_rest = _basis(np.zeros(1, dtype=np.complex128), poles)[0].real
@@ -299,7 +299,7 @@ class ReceptanceModel(Protocol):
     """A fitted track in the frequency domain."""
 
     def receptance(self, frequency_hz: ArrayLike, at_m: ArrayLike) -> ComplexArray:
-        """Fitted point receptance, m/N, (n_at, n_frequency)."""
+        """Return the fitted point receptance, m/N, (n_at, n_frequency)."""
 
 
 def relative_error(
@@ -308,7 +308,7 @@ def relative_error(
     contact_compliance: Callable[[FloatArray], ComplexArray],
     band_hz: ErrorBand = BAND_HZ,
 ) -> float:
-    """RMS over band and span of |fit - exact| / |exact + c|, between the fitted sections as well as on them."""
+    """Return the RMS over band and span of |fit - exact| / |exact + c|, between the fitted sections too."""
     frequency = np.geomspace(*band_hz, 200)
     at = np.linspace(0.0, track.spacing_m / 2, 1 if track.continuous else 25)
     exact = beam.receptance(track, frequency, at)
@@ -317,7 +317,7 @@ def relative_error(
 
 
 def default_fit(track: Track, contact_compliance: Callable[[FloatArray], ComplexArray]) -> PoleModel:
-    """The fit of the lowest order that is good enough, or that more poles hardly improve.
+    """Return the the fit of the lowest order that is good enough, or that more poles hardly improve.
 
     Good enough is a contact-weighted error of half a per cent. No causal model reproduces a loss factor, so on
     hysteretic tracks no order gets there; then it is the lowest order, from the paper's eight up, that two more poles

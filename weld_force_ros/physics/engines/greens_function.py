@@ -18,12 +18,12 @@ What the inverse transform needs, and how it is met:
   motion meets it.
 - Grid. A step is a whole fraction of the span, at most `STEP_S` and `STEP_M`. Responses are computed for pulses
   `NODE_M` apart and interpolated between (cubic, never across a sleeper, where the rail's slope has a kink).
-- Causality. A loss factor answers before it is asked. On hysteretic tracks that part, some per cent of the energy, is
+- Causality. A loss factor answers before its cause. On hysteretic tracks that part, some per cent of the energy, is
   cut off at the pulse, as no model in time can keep it. A loss factor of the rail itself is treated alike, but is tiny.
 
-Convergence on `johansson-nielsen` (0.9 mm flat, cosine dip, rise and long dip, 40 to 300 km/h): `tests/core/
-test_reference.py` halves step and grid, widens band and window, and holds each to 0.3 % in every peak; the figures
-stand there.
+Convergence on `johansson-nielsen` (0.9 mm flat, cosine dip, rise and long dip, 40 to 300 km/h): `tests/physics/
+engines/test_greens_function.py` halves step and grid, widens band and window, and holds each to 0.3 % in every peak;
+the figures stand there.
 """
 
 from collections.abc import Callable
@@ -110,7 +110,7 @@ class GreensFunctionModel:
         low_passed: bool = False,
         on_speed: Callable[[], None] = lambda: None,
     ) -> PeakMap:
-        """As `VehicleTrackModel.peak_map`."""
+        """Return peaks as `VehicleTrackModel.peak_map` does."""
         return self.peak_maps([wheel_path], speeds_kmh, positions_m, low_passed=low_passed, on_speed=on_speed)[0]
 
     def peak_maps(
@@ -122,7 +122,7 @@ class GreensFunctionModel:
         low_passed: bool = False,
         on_speed: Callable[[], None] = lambda: None,
     ) -> list[PeakMap]:
-        """Peak maps of several welds, which share the responses of each speed; see `VehicleTrackModel.peak_map`."""
+        """Return peak maps of several welds, which share the responses of each speed; see `peak_map`."""
         speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
         filters = len(lowpass.CUTOFFS_HZ) if low_passed else 0
         results = np.empty((len(wheel_paths), len(speeds), len(positions), 4 + filters))
@@ -134,10 +134,10 @@ class GreensFunctionModel:
                     cell: tuple[int, int], responses: _Responses = responses, row: int = row, speed: float = speed
                 ) -> None:
                     weld, column = cell
-                    rolled = self._over(responses, wheel_paths[weld], speed, positions[column])
-                    results[weld, row, column, :4] = _peak(rolled, responses.dt)
+                    passage = self._over_weld(responses, wheel_paths[weld], speed, positions[column])
+                    results[weld, row, column, :4] = _peak(passage, responses.dt)
                     if low_passed:
-                        results[weld, row, column, 4:] = _greatest_low_passed(rolled, responses.dt)
+                        results[weld, row, column, 4:] = _greatest_low_passed(passage, responses.dt)
 
                 list(pool.map(peak, np.ndindex(len(wheel_paths), len(positions))))
                 on_speed()
@@ -146,22 +146,22 @@ class GreensFunctionModel:
         return [PeakMap.of(weld) for weld in results]
 
     def history(self, wheel_path: WheelPath, speed_kmh: float, position_m: float, *, until_m: float = 0.0) -> History:
-        """As `VehicleTrackModel.history`."""
+        """Return one passage as `VehicleTrackModel.history` does."""
         speed, position = float(checked_speeds(speed_kmh)[0]), float(checked_axis("position", position_m)[0])
         span = self.track.spacing_m
         with executor(self._threads) as pool:
             responses = self._responses(speed, pool)
         last = max(position + wheel_path.end_m + span, until_m)
-        rolled = self._roll(responses, wheel_path, position, position + wheel_path.start_m - span, last)
-        force, wheel, rail = rolled.columns.T
-        return History(rolled.x_m, force, -wheel, -rail, rolled.irregularity_m)
+        passage = self._simulate(responses, wheel_path, position, position + wheel_path.start_m - span, last)
+        force, wheel, rail = passage.columns.T
+        return History(passage.x_m, force, -wheel, -rail, passage.irregularity_m)
 
-    def _over(self, responses: _Responses, wheel_path: WheelPath, speed_kmh: float, position_m: float) -> _Passage:
+    def _over_weld(self, responses: _Responses, wheel_path: WheelPath, speed_kmh: float, position_m: float) -> _Passage:
         first, last = position_m + wheel_path.start_m, position_m + wheel_path.end_m
         last += max(self.track.spacing_m, RUN_OUT_S * speed_kmh / 3.6)
-        return self._roll(responses, wheel_path, position_m, first, last)
+        return self._simulate(responses, wheel_path, position_m, first, last)
 
-    def _roll(
+    def _simulate(
         self, responses: _Responses, wheel_path: WheelPath, position_m: float, first_m: float, last_m: float
     ) -> _Passage:
         step_m = self.track.spacing_m / responses.grid
@@ -179,15 +179,15 @@ class GreensFunctionModel:
         return _Passage(x[shown], irregularity[shown], columns[shown], columns[:, 0])
 
     def _responses(self, speed_kmh: float, pool: Executor) -> _Responses:
-        """Remembered: who checks one weld after the other does so at a few speeds."""
+        """Return the responses, remembered: welds are checked one after the other at the same few speeds."""
         responses = self._remembered.get(speed_kmh)
         if responses is None:
             if len(self._remembered) >= _MOST_REMEMBERED:
                 self._remembered.clear()
-            responses = self._remembered[speed_kmh] = self._followed(speed_kmh, pool)
+            responses = self._remembered[speed_kmh] = self._compute_responses(speed_kmh, pool)
         return responses
 
-    def _followed(self, speed_kmh: float, pool: Executor) -> _Responses:
+    def _compute_responses(self, speed_kmh: float, pool: Executor) -> _Responses:
         span, speed = self.track.spacing_m, speed_kmh / 3.6
         node_count = round(span / NODE_M)
         every = max(1, int(np.ceil(span / node_count / min(speed * STEP_S, STEP_M))))
@@ -200,15 +200,15 @@ class GreensFunctionModel:
         tables = [
             part for array in (spectrum.shape(at).transpose(1, 0, 2), spectrum.multiplier) for part in _parts(array)
         ]
-        turn = _parts(np.exp(1j * spectrum.omega * dt))
+        phase_step = _parts(np.exp(1j * spectrum.omega * dt))
         strength = spectrum.pulse * spectrum.strength
         behind = spectrum.shape(-at[nodes])
         rows = np.empty((len(nodes), len(lag)))
 
-        def follow(n: int) -> None:
-            _convolution.moving_response(*_parts(strength * behind[:, n]), *tables, *turn, int(nodes[n]), rows[n])
+        def respond(n: int) -> None:
+            _convolution.moving_response(*_parts(strength * behind[:, n]), *tables, *phase_step, int(nodes[n]), rows[n])
 
-        list(pool.map(follow, range(len(nodes))))
+        list(pool.map(respond, range(len(nodes))))
         in_band, exact = spectrum.jump(lag)
         rows = (rows - in_band) * np.exp(spectrum.alpha * lag) + exact
         if spectrum.alpha == 0.0:
@@ -244,7 +244,7 @@ class _Spectrum:
         return beam.waves(lossless_rail, np.array([-1j * self.alpha]), threads=threads)
 
     def jump(self, lag: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Response to the pulse of a / (i omega + b), a the rail's jump in velocity: as the sum has it, and exactly."""
+        """Return the response to the pulse of a / (i omega + b), a the jump: as the sum has it, and exact."""
         a, b = beam.velocity_jump(self.track.rail), _JUMP_DECAY_RAD_S
         terms = self.pulse * a / (1j * self.omega + self.alpha + b)
         in_band = np.array([(np.exp(1j * self.omega * t) @ terms).real for t in lag])
@@ -254,21 +254,21 @@ class _Spectrum:
         return in_band, exact
 
 
-def _peak(rolled: _Passage, dt: float) -> tuple[float, float, float, float]:
-    """Peak force, its place, least force and contact loss."""
-    force = rolled.columns[:, 0]
+def _peak(passage: _Passage, dt: float) -> tuple[float, float, float, float]:
+    """Return the peak force, its place, least force and contact loss."""
+    force = passage.columns[:, 0]
     n = int(np.argmax(force[1:-1])) + 1
     before, top, after = force[n - 1 : n + 2]
     curvature = before - 2 * top + after
     offset = 0.5 * (before - after) / curvature if curvature < 0 else 0.0
-    place = rolled.x_m[n] + offset * (rolled.x_m[1] - rolled.x_m[0])
+    place = passage.x_m[n] + offset * (passage.x_m[1] - passage.x_m[0])
     loss = float(np.count_nonzero(force == 0.0) * dt)
     return float(top - 0.25 * (before - after) * offset), float(place), float(force.min()), loss
 
 
-def _greatest_low_passed(rolled: _Passage, dt: float) -> FloatArray:
-    """(n_filter,)."""
-    return np.asarray(lowpass.low_passed(rolled.force_n, dt)[:, -len(rolled.x_m) :].max(axis=1))
+def _greatest_low_passed(passage: _Passage, dt: float) -> FloatArray:
+    """Return the greatest low-passed forces, (n_filter,)."""
+    return np.asarray(lowpass.low_passed(passage.force_n, dt)[:, -len(passage.x_m) :].max(axis=1))
 
 
 def _parts(values: ComplexArray) -> tuple[FloatArray, FloatArray]:
@@ -276,7 +276,7 @@ def _parts(values: ComplexArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _interpolation(grid: int, every: int, node_count: int) -> tuple[NDArray[np.int64], FloatArray]:
-    """Four nodes and their Lagrange weights for each grid point, all of the point's own span."""
+    """Return four nodes and their Lagrange weights for each grid point, all of the point's own span."""
     if node_count == 1:
         return np.zeros((grid, 1), dtype=np.int64), np.ones((grid, 1))
     place = np.arange(grid) / every

@@ -7,7 +7,7 @@ The paper's own model. At each section, eq. (1),
 fitted by weighted least squares, eq. (2), and turned into first-order equations with the rail's displacement under the
 wheel as first state, eq. (3b), (3c). Under a moving wheel the coefficients change with position. Every section may be
 fitted well and stable and the moving system still be wrong or unbounded, where coefficients hop from one section to the
-next; `rfp_weights` searches for weights that prevent it.
+next; `rational_search` searches for weights that prevent it.
 
 Least squares by Sanathanan-Koerner iteration (IEEE Trans. Autom. Control 8 (1963) 56) in a scaled frequency and with
 scaled columns; all sections start from the denominator of common poles, so that neighbours end in the same minimum.
@@ -53,16 +53,16 @@ class RfpModel:
 
     @property
     def order(self) -> int:
-        """Number of states: the denominator's degree."""
+        """Return the number of states: the denominator's degree."""
         return int(self.denominator.shape[1])
 
     @property
     def section_m(self) -> FloatArray:
-        """(n_section,), metres after the sleeper."""
+        """Return the sections' places (n_section,), metres after the sleeper."""
         return np.arange(len(self.denominator)) * (self.spacing_m / len(self.denominator))
 
     def coefficients_at(self, at_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Denominator and numerator at any positions, (n_at, m) each: linear between sections, periodic."""
+        """Return the denominator and numerator at any positions, (n_at, m) each: linear between sections, periodic."""
         count = len(self.denominator)
         place = np.mod(np.atleast_1d(np.asarray(at_m, dtype=np.float64)) / self.spacing_m, 1.0) * count
         before = np.floor(place).astype(int) % count
@@ -72,23 +72,23 @@ class RfpModel:
         return value[:, : self.order], value[:, self.order :]
 
     def receptance(self, frequency_hz: ArrayLike, at_m: ArrayLike) -> ComplexArray:
-        """Fitted point receptance, m/N, (n_at, n_frequency)."""
+        """Return the fitted point receptance, m/N, (n_at, n_frequency)."""
         omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
         return _fraction(_powers(omega / self.scale_rad_s, self.order), *self.coefficients_at(at_m))
 
     def static_compliance(self, at_m: ArrayLike) -> FloatArray:
-        """Deflection under a resting unit load, m/N, (n_at,)."""
+        """Return the deflection under a resting unit load, m/N, (n_at,)."""
         a, b = self.coefficients_at(at_m)
         return np.asarray(b[:, -1] / a[:, -1])
 
     def poles(self, at_m: ArrayLike | None = None) -> ComplexArray:
-        """Poles at the sections, or at any positions, rad/s: (n_at, m), the slowest first."""
+        """Return the poles at the sections, or at any positions, rad/s: (n_at, m), the slowest first."""
         a = self.denominator if at_m is None else self.coefficients_at(at_m)[0]
         poles = np.linalg.eigvals(_companion(a))
         return np.take_along_axis(poles, np.argsort(np.abs(poles), axis=1), axis=1) * self.scale_rad_s
 
     def state_space(self, at_m: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Eq. (3b): z' = scale_rad_s (A z + c f), the rail's displacement under the wheel is z[0].
+        """Return eq. (3b): z' = scale_rad_s (A z + c f); the rail's displacement under the wheel is z[0].
 
         Returns:
             A (n_at, m, m), dimensionless, and c (n_at, m) by eq. (3c), m/N.
@@ -97,19 +97,19 @@ class RfpModel:
         return _companion(a), _inputs(a, b)
 
     def at_rest(self, at_m: ArrayLike) -> FloatArray:
-        """The states under a resting unit load, (n_at, m), m/N."""
+        """Return the states under a resting unit load, (n_at, m), m/N."""
         a, b = self.coefficients_at(at_m)
         return np.concatenate([b[:, -1:] / a[:, -1:], -_inputs(a, b)[:, :-1]], axis=1)
 
     def propagation(self, at_m: FloatArray, dt_s: float) -> Propagation:
-        """A step of `dt_s` from each of the equidistant points `at_m`, as in `physics.passage.state_space`."""
+        """Return a step of `dt_s` from each of the equidistant points `at_m`; see `physics.passage.state_space`."""
         rates, inputs = self.state_space(at_m + 0.5 * self.spacing_m / len(at_m))
         dt = self.scale_rad_s * dt_s
         return dense_propagation(rates * dt, inputs * dt, self.at_rest(at_m[:1])[0])
 
     @property
     def variation(self) -> float:
-        """How much the coefficients change along the span; 0 on continuous support.
+        """Return how much the coefficients change along the span; 0 on continuous support.
 
         RMS over coefficients and sections of the slope between neighbouring sections, per span and relative to the
         coefficient's own RMS over the span. Of several such measures this one foretells best how far the moving
@@ -142,7 +142,7 @@ def smooth_rail(
     *,
     steps_per_section: int = STEPS_PER_SECTION,
 ) -> SmoothRail:
-    """Whether and how a wheel rolls steadily: the monodromy matrix of a span and its periodic solution.
+    """Return whether and how a wheel runs steadily: the monodromy matrix of a span and its periodic solution.
 
     Coefficients are constant within a step, each of which is advanced exactly. Results are infinite where the numbers
     are.
@@ -183,9 +183,9 @@ def fit_sections(
     degree: int,
     *,
     start: FloatArray | None = None,
-    tie: float = 0.0,
+    regularisation: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """Rational fractions with stable poles and exact static compliance, by weighted least squares.
+    """Fit rational fractions with stable poles and exact static compliance, by weighted least squares.
 
     A pole that the least squares put into the right half plane is mirrored into the left and the numerator fitted anew.
 
@@ -196,7 +196,7 @@ def fit_sections(
         static: (n_section,), b_m / a_m, m/N.
         degree: m, the denominator's degree.
         start: (m,), the denominator that the iteration starts from; by default that of poles common to all sections.
-        tie: how strongly all denominators are held to `start`: the weight of |h (D - D_start)| beside |h D - N|.
+        regularisation: how strongly denominators are held to `start`: weight of |h (D - D_start)| beside |h D - N|.
 
     Returns:
         a and b, (n_section, m) each, as in `RfpModel`.
@@ -212,7 +212,7 @@ def fit_sections(
     a = np.broadcast_to(start, (len(exact), degree))
     b = np.zeros_like(a)
     for _ in range(_ITERATIONS):
-        a, b = _linearised(powers, h, w, pin, a, start, tie)
+        a, b = _linearised(powers, h, w, pin, a, start, regularisation)
     if not np.all(np.isfinite(a)):
         raise NumericalError("the fit of rational fractions did not stay finite; try another degree")
     poles = np.linalg.eigvals(_companion(a)).astype(np.complex128)
@@ -224,13 +224,13 @@ def fit_sections(
 
 
 def common_denominator(frequency_hz: FloatArray, exact: ComplexArray, weight: FloatArray, degree: int) -> FloatArray:
-    """a_1 to a_m of the poles that fit all sections at once, (degree,)."""
+    """Return a_1 to a_m of the poles that fit all sections at once, (degree,)."""
     half = common_poles(frequency_hz, exact, weight, degree) / _SCALE
     return np.asarray(np.poly(np.concatenate([half, half[half.imag > 0].conj()])).real[1:])
 
 
 def _powers(scaled_omega: FloatArray, degree: int) -> ComplexArray:
-    """s^degree ... 1 at s = i omega, (n_frequency, degree + 1)."""
+    """Return s^degree ... 1 at s = i omega, (n_frequency, degree + 1)."""
     return np.asarray((1j * scaled_omega)[:, None] ** np.arange(degree, -1, -1))
 
 
@@ -251,7 +251,7 @@ def _companion(a: FloatArray) -> FloatArray:
 
 
 def _inputs(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Eq. (3c): c_k = b_k - sum_(j<k) a_(k-j) c_j."""
+    """Return c of eq. (3c): c_k = b_k - sum_(j<k) a_(k-j) c_j."""
     c = np.array(b)
     for k in range(1, c.shape[1]):
         c[:, k] -= np.sum(a[:, k - 1 :: -1] * c[:, :k], axis=1)
@@ -259,9 +259,18 @@ def _inputs(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _linearised(
-    powers: ComplexArray, h: ComplexArray, w: FloatArray, pin: FloatArray, a: FloatArray, start: FloatArray, tie: float
+    powers: ComplexArray,
+    h: ComplexArray,
+    w: FloatArray,
+    pin: FloatArray,
+    a: FloatArray,
+    start: FloatArray,
+    regularisation: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """One Sanathanan-Koerner step: small w (N - h D) / D_before and tie w h (D - D_start) / D_before; b_m = pin a_m."""
+    """Take a Sanathanan-Koerner step.
+
+    Minimise w (N - h D) / D_before and regularisation w h (D - D_start) / D_before; b_m = pin a_m.
+    """
     m = a.shape[1]
     w_d = (w / _denominator(powers, a))[:, :, None]
     numerator = _stacked(w_d * powers[:, 1:])
@@ -269,8 +278,8 @@ def _linearised(
     last = denominator[:, :, -1:] + pin[:, None, None] * numerator[:, :, -1:]
     matrix = np.concatenate([numerator[:, :, :-1], denominator[:, :, 1:-1], last], axis=2)
     target = -denominator[:, :, 0]
-    if tie > 0:
-        held = tie * np.asarray(np.linalg.qr(denominator[:, :, 1:], mode="r"))
+    if regularisation > 0:
+        held = regularisation * np.asarray(np.linalg.qr(denominator[:, :, 1:], mode="r"))
         matrix = np.concatenate([matrix, np.concatenate([np.zeros_like(held[:, :, 1:]), held], axis=2)], axis=1)
         target = np.concatenate([target, held @ start], axis=1)
     x = _least_squares(matrix, target)
@@ -279,7 +288,7 @@ def _linearised(
 
 
 def _numerators(powers: ComplexArray, h: ComplexArray, w: FloatArray, pin: FloatArray, a: FloatArray) -> FloatArray:
-    """Numerators for given denominators, with b_m = pin a_m."""
+    """Return numerators for given denominators, with b_m = pin a_m."""
     columns = (w / _denominator(powers, a))[:, :, None] * powers[:, 1:]
     last = pin * a[:, -1]
     target = (w * h - columns[:, :, -1] * last[:, None])[:, :, None]
@@ -292,7 +301,7 @@ def _stacked(matrix: ComplexArray) -> FloatArray:
 
 
 def _least_squares(matrix: FloatArray, target: FloatArray) -> FloatArray:
-    """Solutions of stacked problems, (n, n_unknown); columns are scaled, deficient ranks allowed."""
+    """Return solutions of stacked problems, (n, n_unknown); columns are scaled, deficient ranks allowed."""
     if not np.all(np.isfinite(matrix)):
         raise NumericalError("the fit of rational fractions did not stay finite; try another degree")
     column = np.linalg.norm(matrix, axis=1)

@@ -40,11 +40,11 @@ DEGREES = range(4, 13)
 SECTIONS = 15
 POPULATION = 40
 GENERATIONS = 40
-GENES = 8  # logarithms: of the weights at seven knots, of the tie
+VARIABLES = 8  # logarithms: of the weights at seven knots, of the regularisation
 
 _FREQUENCIES = 200
-_LOWEST = np.array([-3.0] * (GENES - 1) + [-7.0])
-_HIGHEST = np.array([3.0] * (GENES - 1) + [4.0])
+_LOWEST = np.array([-3.0] * (VARIABLES - 1) + [-7.0])
+_HIGHEST = np.array([3.0] * (VARIABLES - 1) + [4.0])
 _LEAST_DECAY = 1e-3  # of all poles, in units of the scale
 _LEAST_SHRINKAGE = 0.01  # from span to span
 _MOST_SWING = (1.25, 0.05)  # times the shared denominator's, plus a share of the static load
@@ -63,15 +63,15 @@ class Wheel(Protocol):
     @property
     def contact_stiffness_n_per_m(self) -> float: ...  # noqa: D102
     def compliance(self, omega: FloatArray) -> ComplexArray:
-        """Contact and wheel in series with the track, m/N."""
+        """Return the compliance of contact and wheel in series with the track, m/N."""
 
 
 class FitTask:
-    """Everything that a fit of one track depends on but the genes.
+    """Everything that a fit of one track depends on but the decision vector.
 
-    Genes are logarithms: of factors on the base weight 1 / |h + c|, what the contact sees, at knots equidistant on the
-    logarithm of frequency with monotone cubics between, the same for all sections (only their differences count); and
-    of the tie to the shared denominator, see `fit_sections`.
+    Its numbers are logarithms: of factors on the base weight 1 / |h + c|, what the contact sees, at knots equidistant
+    on the logarithm of frequency with monotone cubics between, the same for all sections (only their differences
+    count); and of the regularisation towards the shared denominator, see `fit_sections`.
     """
 
     def __init__(self, track: Track, wheel: Wheel, *, degree: int = DEGREE, section_count: int = SECTIONS) -> None:
@@ -100,55 +100,66 @@ class FitTask:
         self._static = beam.static_compliance(track, half)
         self._base = 1 / np.abs(self._exact + wheel.compliance(2 * np.pi * self._frequency))
         self._start = common_denominator(self._frequency, self._exact, self._base, degree)
-        self._judged_hz = np.geomspace(*BAND_HZ, 200)
-        self._judged_m = np.linspace(0.0, track.spacing_m / 2, 1 if track.continuous else 25)
-        self._judged = beam.receptance(track, self._judged_hz, self._judged_m)
-        self._seen = self._judged + wheel.compliance(2 * np.pi * self._judged_hz)
-        shared = self.fit_at(np.append(np.zeros(GENES - 1), 12.0))
+        self._error_hz = np.geomspace(*BAND_HZ, 200)
+        self._error_m = np.linspace(0.0, track.spacing_m / 2, 1 if track.continuous else 25)
+        self._error_exact = beam.receptance(track, self._error_hz, self._error_m)
+        self._seen = self._error_exact + wheel.compliance(2 * np.pi * self._error_hz)
+        shared = self.fit_at(np.append(np.zeros(VARIABLES - 1), 12.0))
         self._most_error = _MOST_ERROR * self.error(shared)
         factor, share = _MOST_SWING
         self._most_swing = [factor * self._swing(shared, speeds) + share for speeds, _ in (_SEARCHED, _CHECKED)]
 
-    def weights(self, genes: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Frequencies, Hz, and the factors that these genes put on the base weight, (n_frequency,) each."""
-        logarithms = np.asarray(genes, dtype=np.float64)[:-1]
+    def weights(self, decision_vector: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return frequencies, Hz, and the factors of a decision vector on the base weight, (n_frequency,) each."""
+        logarithms = np.asarray(decision_vector, dtype=np.float64)[:-1]
         knots = np.linspace(np.log(BAND_HZ[0]), np.log(BAND_HZ[1]), len(logarithms))
         return self._frequency, np.exp(PchipInterpolator(knots, logarithms)(np.log(self._frequency)))
 
-    def fit_at(self, genes: ArrayLike) -> RfpModel:
-        """The fit of these genes, (n_gene,).
+    def fit_at(self, decision_vector: ArrayLike) -> RfpModel:
+        """Return the fit of a decision vector, (n_variable,).
 
         Raises:
             NumericalError: no finite coefficients.
         """
-        tie = float(np.exp(np.asarray(genes, dtype=np.float64)[-1]))
-        return self._fit(self._base * self.weights(genes)[1], tie)
+        regularisation = float(np.exp(np.asarray(decision_vector, dtype=np.float64)[-1]))
+        return self._fit(self._base * self.weights(decision_vector)[1], regularisation)
 
-    def plain_fit(self) -> RfpModel:
-        """The fit with relative weights, 1 / |h|, and no tie: what a search has to beat."""
+    def unweighted_fit(self) -> RfpModel:
+        """Return the fit with relative weights, 1 / |h|, and no regularisation: what a search has to beat."""
         return self._fit(1 / np.abs(self._exact), 0.0)
 
-    def _fit(self, weight: FloatArray, tie: float) -> RfpModel:
-        a, b = fit_sections(self._frequency, self._exact, weight, self._static, self.degree, start=self._start, tie=tie)
+    def _fit(self, weight: FloatArray, regularisation: float) -> RfpModel:
+        a, b = fit_sections(
+            self._frequency,
+            self._exact,
+            weight,
+            self._static,
+            self.degree,
+            start=self._start,
+            regularisation=regularisation,
+        )
         return RfpModel(a[self._mirror], b[self._mirror], self.track.spacing_m)
 
     def error(self, model: RfpModel) -> float:
-        """Contact-weighted RMS error over band and span, as in `poles.relative_error`."""
-        difference = model.receptance(self._judged_hz, self._judged_m) - self._judged
+        """Return the contact-weighted RMS error over band and span, as `common_poles.relative_error` does."""
+        difference = model.receptance(self._error_hz, self._error_m) - self._error_exact
         return float(np.sqrt(np.mean(np.abs(difference / self._seen) ** 2)))
 
-    def judge(self, genes: ArrayLike) -> FloatArray:
-        """Error and variation, to be small, and constraints, to be at most 0: stability, growth, swing, error; (6,)."""
+    def objectives(self, decision_vector: ArrayLike) -> FloatArray:
+        """Return error and variation, to be small, and four constraints, to be at most 0: (6,).
+
+        The constraints: stability, growth, swing, error.
+        """
         try:
-            model = self.fit_at(genes)
+            model = self.fit_at(decision_vector)
         except NumericalError:
             return np.full(6, _FAILED)
         values = [self.error(model), model.variation, *self._constraints(model, *_SEARCHED, self._most_swing[0])]
         values.append(values[0] - self._most_error)
         return np.minimum(values, _FAILED)
 
-    def holds(self, model: RfpModel) -> bool:
-        """Whether the constraints hold from 10 to 300 km/h and from an almost open to a heavily loaded contact."""
+    def is_feasible(self, model: RfpModel) -> bool:
+        """Return whether the constraints hold from 10 to 300 km/h and from an almost open to a loaded contact."""
         return max(self._constraints(model, *_CHECKED, self._most_swing[1])) <= 0
 
     def _constraints(
@@ -174,10 +185,10 @@ class FitTask:
 
 @dataclass(frozen=True)
 class Population:
-    """All that a search needs to go on: genes (n, n_gene) after `generation` generations."""
+    """All that a search needs to go on: decision vectors (n, n_variable) after `generation` generations."""
 
     generation: int
-    genes: FloatArray
+    decision_vectors: FloatArray
 
 
 @dataclass(frozen=True)
@@ -196,19 +207,19 @@ class Front:
     """Fits that no other one found beats in both objectives, least error first.
 
     Attributes:
-        genes: (n, n_gene), for `FitTask.fit_at`.
+        decision_vectors: (n, n_variable), for `FitTask.fit_at`.
         error: (n,), the first objective.
         variation: (n,), the second.
-        knee: index of the chosen fit: of those that `FitTask.holds`, the one farthest below the line between the
-            ends of the front, objectives scaled to its extent.
-        plain: both objectives of the fit with weights 1 / |h|.
+        chosen: index of the chosen fit: of those that are feasible, the one farthest below the line between the ends
+            of the front, objectives scaled to its extent.
+        unweighted: both objectives of the fit with weights 1 / |h|.
     """
 
-    genes: FloatArray
+    decision_vectors: FloatArray
     error: FloatArray
     variation: FloatArray
-    knee: int
-    plain: tuple[float, float]
+    chosen: int
+    unweighted: tuple[float, float]
 
 
 def search(
@@ -220,10 +231,10 @@ def search(
     on_generation: Callable[[Progress], None] | None = None,
     resume_from: Population | None = None,
 ) -> Front:
-    """Search the genes by NSGA-II; needs pymoo (extra `fit`).
+    """Search decision vectors by NSGA-II; needs pymoo (extra `fit`).
 
-    Each generation draws its own random numbers, from the seed and its number, and depends on nothing but the genes
-    before it: a search that is resumed ends exactly as one that was never interrupted.
+    Each generation draws its own random numbers, from the seed and its number, and depends on nothing but the
+    decision vectors before it: a search that is resumed ends exactly as one that was never interrupted.
 
     Args:
         task: the track to be fitted.
@@ -238,78 +249,88 @@ def search(
         NumericalError: no fit found that holds the constraints.
     """
     now = resume_from or _first_population(seed, population)
-    if now.genes.ndim != 2 or now.genes.shape[1] != GENES or not np.all(np.isfinite(now.genes)):
+    if (
+        now.decision_vectors.ndim != 2
+        or now.decision_vectors.shape[1] != VARIABLES
+        or not np.all(np.isfinite(now.decision_vectors))
+    ):
         raise InputError("the kept state of the search does not fit", "start the search anew")
     # Many small factorisations: a second BLAS thread makes them many times slower where another program computes.
     with threadpool_limits(limits=1, user_api="blas"):
-        judged = np.stack([task.judge(genes) for genes in now.genes])
+        evaluated = np.stack([task.objectives(decision_vector) for decision_vector in now.decision_vectors])
         while now.generation < generations:
-            now, judged = _next_generation(task, now, judged, seed)
+            now, evaluated = _next_generation(task, now, evaluated, seed)
             if on_generation:
-                on_generation(_progress(now, judged, generations))
-        return _front(task, now, judged)
+                on_generation(_progress(now, evaluated, generations))
+        return _front(task, now, evaluated)
 
 
 def _first_population(seed: int, size: int) -> Population:
     if size < 4:
         raise InputError(f"a population of {size}", "use at least 4")
-    genes = np.random.default_rng([seed, 0]).uniform(_LOWEST / 2, _HIGHEST / 2, (size, GENES))
+    decision_vectors = np.random.default_rng([seed, 0]).uniform(_LOWEST / 2, _HIGHEST / 2, (size, VARIABLES))
     # What the contact sees with each section on its own, and with the shared denominator.
-    genes[0] = np.append(np.zeros(GENES - 1), _LOWEST[-1])
-    genes[1] = np.append(np.zeros(GENES - 1), _HIGHEST[-1])
-    return Population(0, genes)
+    decision_vectors[0] = np.append(np.zeros(VARIABLES - 1), _LOWEST[-1])
+    decision_vectors[1] = np.append(np.zeros(VARIABLES - 1), _HIGHEST[-1])
+    return Population(0, decision_vectors)
 
 
-def _next_generation(task: FitTask, now: Population, judged: FloatArray, seed: int) -> tuple[Population, FloatArray]:
-    problem, individuals, algorithm = _nsga2(now.genes, judged)
+def _next_generation(task: FitTask, now: Population, evaluated: FloatArray, seed: int) -> tuple[Population, FloatArray]:
+    problem, individuals, algorithm = _nsga2(now.decision_vectors, evaluated)
     algorithm.setup(problem, termination=("n_gen", 3), seed=[seed, now.generation + 1])
     algorithm.ask()
     algorithm.tell(infills=individuals)
     offspring = algorithm.ask()
-    values = np.stack([task.judge(genes) for genes in offspring.get("X")])
+    values = np.stack([task.objectives(decision_vector) for decision_vector in offspring.get("X")])
     offspring.set("F", values[:, :2], "G", values[:, 2:])
     algorithm.tell(infills=offspring)
     survivors = algorithm.pop
-    judged = np.concatenate([survivors.get("F"), survivors.get("G")], axis=1)
-    return Population(now.generation + 1, np.array(survivors.get("X"), dtype=np.float64)), judged
+    evaluated = np.concatenate([survivors.get("F"), survivors.get("G")], axis=1)
+    return Population(now.generation + 1, np.array(survivors.get("X"), dtype=np.float64)), evaluated
 
 
-def _nsga2(genes: FloatArray, judged: FloatArray) -> tuple[Any, Any, Any]:
-    """Problem, judged individuals and algorithm; the one place that knows pymoo."""
+def _nsga2(decision_vectors: FloatArray, evaluated: FloatArray) -> tuple[Any, Any, Any]:
+    """Return problem, evaluated individuals and algorithm; the one place that knows pymoo."""
     try:
         from pymoo.algorithms.moo.nsga2 import NSGA2
         from pymoo.core.population import Population as Individuals
         from pymoo.core.problem import Problem
     except ImportError:
         raise InputError("searching a fit needs pymoo", "pip install 'weld_force_ros[fit]'") from None
-    problem = Problem(n_var=GENES, n_obj=2, n_ieq_constr=judged.shape[1] - 2, xl=_LOWEST, xu=_HIGHEST)
-    individuals = Individuals.new(X=genes, F=judged[:, :2], G=judged[:, 2:])
-    return problem, individuals, NSGA2(pop_size=len(genes), sampling=individuals)
+    problem = Problem(n_var=VARIABLES, n_obj=2, n_ieq_constr=evaluated.shape[1] - 2, xl=_LOWEST, xu=_HIGHEST)
+    individuals = Individuals.new(X=decision_vectors, F=evaluated[:, :2], G=evaluated[:, 2:])
+    return problem, individuals, NSGA2(pop_size=len(decision_vectors), sampling=individuals)
 
 
-def _feasible(judged: FloatArray) -> NDArray[np.bool_]:
-    return np.asarray(np.all(judged[:, 2:] <= 0, axis=1))
+def _feasible(evaluated: FloatArray) -> NDArray[np.bool_]:
+    return np.asarray(np.all(evaluated[:, 2:] <= 0, axis=1))
 
 
-def _progress(now: Population, judged: FloatArray, generations: int) -> Progress:
-    good = judged[_feasible(judged)]
+def _progress(now: Population, evaluated: FloatArray, generations: int) -> Progress:
+    good = evaluated[_feasible(evaluated)]
     least = good[:, :2].min(axis=0) if len(good) else np.full(2, np.inf)
     return Progress(now, generations, len(good), float(least[0]), float(least[1]))
 
 
-def _front(task: FitTask, now: Population, judged: FloatArray) -> Front:
-    feasible = _feasible(judged)
-    genes, objectives = now.genes[feasible], judged[feasible, :2]
+def _front(task: FitTask, now: Population, evaluated: FloatArray) -> Front:
+    feasible = _feasible(evaluated)
+    decision_vectors, objectives = now.decision_vectors[feasible], evaluated[feasible, :2]
     order = np.lexsort((objectives[:, 1], objectives[:, 0]))
     kept: list[int] = []
     for i in order:
         if not kept or objectives[i, 1] < objectives[kept[-1], 1]:
             kept.append(int(i))
-    genes, objectives = genes[kept], objectives[kept]
-    plain = task.plain_fit()
-    for knee in _by_distance(objectives):
-        if task.holds(task.fit_at(genes[knee])):
-            return Front(genes, objectives[:, 0], objectives[:, 1], int(knee), (task.error(plain), plain.variation))
+    decision_vectors, objectives = decision_vectors[kept], objectives[kept]
+    unweighted = task.unweighted_fit()
+    for chosen in _by_distance(objectives):
+        if task.is_feasible(task.fit_at(decision_vectors[chosen])):
+            return Front(
+                decision_vectors,
+                objectives[:, 0],
+                objectives[:, 1],
+                int(chosen),
+                (task.error(unweighted), unweighted.variation),
+            )
     raise NumericalError(
         f"no fit of degree {task.degree} found that stays bounded on track {task.track.name}; "
         "search longer or with another degree"
@@ -317,7 +338,7 @@ def _front(task: FitTask, now: Population, judged: FloatArray) -> Front:
 
 
 def _by_distance(objectives: FloatArray) -> NDArray[np.intp]:
-    """Indices, the one farthest below the line between the front's ends first."""
+    """Return indices, the one farthest below the line between the front's ends first."""
     if len(objectives) == 0:
         return np.empty(0, dtype=np.intp)
     extent = np.ptp(objectives, axis=0)

@@ -68,7 +68,7 @@ def _element(context, builder, kind, array, index):
 
 
 def _neighbours(context, builder, kind, array, index, count):
-    """Address of `count` neighbours as a vector, from count x index."""
+    """Return the address of `count` neighbours as a vector, from count x index."""
     first = builder.mul(index, ir.Constant(index.type, count))
     vector = ir.VectorType(ir.DoubleType(), count)
     return builder.bitcast(_element(context, builder, kind, array, first), vector.as_pointer())
@@ -80,7 +80,7 @@ def _mask(indices):
 
 @intrinsic
 def load(typing, array, index):
-    """Neighbours of a flat float64 array, from LANES x index."""
+    """Return neighbours of a flat float64 array, from LANES x index."""
 
     def generate(context, builder, sig, args):
         return builder.load(_neighbours(context, builder, sig.args[0], *args, LANES), align=8)
@@ -101,7 +101,7 @@ def store(typing, array, index, value):
 
 @intrinsic
 def load_two(typing, array, first, second):
-    """Neighbours of a flat float64 array, half the lanes from SPEEDS x first, half from SPEEDS x second."""
+    """Return neighbours of a flat float64 array, half the lanes from SPEEDS x first, half from SPEEDS x second."""
 
     def generate(context, builder, sig, args):
         halves = [
@@ -115,7 +115,7 @@ def load_two(typing, array, first, second):
 
 @intrinsic
 def spread_two(typing, array, first, second):
-    """Two numbers of a flat float64 array: `first` in half the lanes, `second` in the others."""
+    """Return two numbers of a flat float64 array: `first` in half the lanes, `second` in the others."""
 
     def generate(context, builder, sig, args):
         pair = ir.Constant(ir.VectorType(ir.DoubleType(), 2), ir.Undefined)
@@ -129,7 +129,7 @@ def spread_two(typing, array, first, second):
 
 @intrinsic
 def splat(typing, value):
-    """One number in every lane."""
+    """Return one number in every lane."""
 
     def generate(context, builder, sig, args):
         nothing = ir.Constant(_doubles.vector, ir.Undefined)
@@ -141,7 +141,7 @@ def splat(typing, value):
 
 @intrinsic
 def single(typing, value):
-    """Rounded to single precision."""
+    """Round to single precision."""
 
     def generate(context, builder, sig, args):
         return builder.fptrunc(args[0], _singles.vector)
@@ -151,7 +151,7 @@ def single(typing, value):
 
 @intrinsic
 def double(typing, value):
-    """Back in double precision."""
+    """Return to double precision."""
 
     def generate(context, builder, sig, args):
         return builder.fpext(args[0], _doubles.vector)
@@ -167,7 +167,7 @@ def _call(builder, name, kind, args):
 
 @intrinsic
 def square_root(typing, value):
-    """Lane by lane."""
+    """Return the square root of every lane."""
 
     def generate(context, builder, sig, args):
         return _call(builder, "sqrt", value, args)
@@ -177,7 +177,7 @@ def square_root(typing, value):
 
 @intrinsic
 def magnitude(typing, value):
-    """Lane by lane."""
+    """Return the magnitude of every lane."""
 
     def generate(context, builder, sig, args):
         return _call(builder, "fabs", value, args)
@@ -187,7 +187,7 @@ def magnitude(typing, value):
 
 @intrinsic
 def multiply_add(typing, a, b, c):
-    """Product of a and b plus c, rounded once."""
+    """Return the product of a and b plus c, rounded once."""
 
     def generate(context, builder, sig, args):
         return _call(builder, "fma", a, args)
@@ -197,7 +197,7 @@ def multiply_add(typing, a, b, c):
 
 @intrinsic
 def where_greater(typing, a, b, then, otherwise):
-    """`then` in the lanes where a > b, `otherwise` in the rest."""
+    """Return `then` in the lanes where a > b, `otherwise` in the rest."""
 
     def generate(context, builder, sig, args):
         return builder.select(builder.fcmp_ordered(">", args[0], args[1]), args[2], args[3])

@@ -9,8 +9,8 @@ and steps as `physics.passage.state_space` does: without its newest force and sc
 u[n+1] = E u[n] + f[n], and y[n] = Re(C u[n]) + g f[n] with C = 2 r (E b + a) and g = Re(sum of 2 r b). Its f is the
 force's departure from the smooth rail's; what the smooth rail leaves of itself is periodic, known, and added.
 
-A filter above the wheelset's resonance on the track lets the weld's echo pass: for it a passage goes on until the echo
-can no longer exceed what was seen (`physics.passage.batch`). Below, the echo is swift, and all that the filter
+A filter above the wheelset's resonance on the track lets the weld's transient pass: for it a passage goes on until that
+can no longer exceed what was seen (`physics.passage.batch`). Below, the transient is swift, and all that the filter
 will still notice of it is in the wheel: M v' = -f for departures from smooth rail, so that the rest of f amounts to an
 impulse M v with the moment -M w about the end. A state q = (E b + a) u + b f goes on as (q + M (v + p w)) e^(p t), and
 the greatest may come then, after the passage.
@@ -44,8 +44,8 @@ class LowPass(NamedTuple):
         gains: (n_speed, n_filter), g.
         smooth_n: (n_speed, n_filter, n_grid), low-passed force on smooth rail at every step of the span.
         smooth_greatest_n: (n_speed, n_filter), of it.
-        floors_n: (n_speed, n_filter), the level that an echo still rises from, for filters that let it pass: greatest
-            on smooth rail; minus infinity for slow filters, which no passage goes on for.
+        floors_n: (n_speed, n_filter), the level that a transient still rises from, for filters that let it pass: the
+            greatest on smooth rail; minus infinity for slow filters, which no passage goes on for.
         smooth_wheel: (n_speed, n_grid, 3), as `SteadyState`.
         later: (n_speed, ORDER n_filter + 3, n_filter, n_time), departure after a passage per state u, then per
             displacement, velocity and force of the wheel; zero where the passage itself goes on for the filter.
@@ -63,14 +63,14 @@ class LowPass(NamedTuple):
     steps: NDArray[np.int64]
 
 
-def low_pass(rollings: Sequence[SteadyState], mass_kg: float, cutoffs_hz: tuple[float, ...]) -> LowPass:
-    """Filters for a wheel of `mass_kg` at several speeds of one stride."""
-    dt = np.array([steady_state.dt_s for steady_state in rollings])[:, None, None]
+def low_pass(steady_states: Sequence[SteadyState], mass_kg: float, cutoffs_hz: tuple[float, ...]) -> LowPass:
+    """Return filters for a wheel of `mass_kg` at several speeds of one stride."""
+    dt = np.array([steady_state.dt_s for steady_state in steady_states])[:, None, None]
     poles, residues = _modes(cutoffs_hz)
     decay, old, new = first_order_hold(poles, dt)
-    turn = decay * new + old
-    shapes, gains = 2 * residues * turn, (2 * residues * new).real.sum(axis=2)
-    smooth_n = _periodic(decay, shapes, gains, np.stack([steady_state.smooth_n for steady_state in rollings]))
+    input_scale = decay * new + old
+    shapes, gains = 2 * residues * input_scale, (2 * residues * new).real.sum(axis=2)
+    smooth_n = _periodic(decay, shapes, gains, np.stack([steady_state.smooth_n for steady_state in steady_states]))
     cutoffs = np.array(cutoffs_hz)[:, None]
     steps = np.rint(_FADING / cutoffs * np.linspace(0.0, 1.0, _LATER) / dt).astype(np.int64)
     slow = cutoffs < WHEELSET_HZ
@@ -82,14 +82,14 @@ def low_pass(rollings: Sequence[SteadyState], mass_kg: float, cutoffs_hz: tuple[
         smooth_n=smooth_n,
         smooth_greatest_n=smooth_n.max(axis=2),
         floors_n=np.where(slow[:, 0], -np.inf, smooth_n.max(axis=2)),
-        smooth_wheel=np.stack([steady_state.smooth_wheel for steady_state in rollings]),
-        later=np.concatenate([_of_states(turn, swing), _of_wheel(poles, new, mass_kg, swing)], axis=1),
+        smooth_wheel=np.stack([steady_state.smooth_wheel for steady_state in steady_states]),
+        later=np.concatenate([_of_states(input_scale, swing), _of_wheel(poles, new, mass_kg, swing)], axis=1),
         steps=steps,
     )
 
 
 def greatest(filters: LowPass, seen_n: FloatArray, ends: NDArray[np.int64], endings: FloatArray) -> FloatArray:
-    """Greatest low-passed force of passages, during them or later, and never less than on smooth rail.
+    """Return the greatest low-passed force of passages, during them or later, at least that on smooth rail.
 
     Args:
         filters: of all speeds.
@@ -111,13 +111,13 @@ def greatest(filters: LowPass, seen_n: FloatArray, ends: NDArray[np.int64], endi
 
 
 def low_passed(force_n: FloatArray, dt_s: float) -> FloatArray:
-    """A force history (n,) that begins at rest, through each filter: (n_filter, n)."""
+    """Return a force history (n,) that begins at rest, through each filter: (n_filter, n)."""
     sections = [butter(ORDER, cutoff, fs=1 / dt_s, output="sos") for cutoff in CUTOFFS_HZ]
     return np.stack([sosfilt(sos, force_n, zi=force_n[0] * sosfilt_zi(sos))[0] for sos in sections])
 
 
 def _modes(cutoffs_hz: tuple[float, ...]) -> tuple[ComplexArray, ComplexArray]:
-    """Poles in the upper half plane and their residues, each (n_filter, ORDER // 2)."""
+    """Return the poles in the upper half plane and their residues, each (n_filter, ORDER // 2)."""
     poles, residues = np.empty((2, len(cutoffs_hz), ORDER // 2), dtype=np.complex128)
     for row, cutoff in enumerate(cutoffs_hz):
         _, whole, gain = butter(ORDER, 2 * np.pi * cutoff, analog=True, output="zpk")
@@ -127,7 +127,7 @@ def _modes(cutoffs_hz: tuple[float, ...]) -> tuple[ComplexArray, ComplexArray]:
 
 
 def _periodic(decay: ComplexArray, shapes: ComplexArray, gains: FloatArray, force_n: FloatArray) -> FloatArray:
-    """Response (n_speed, n_filter, n_grid) to forces (n_speed, n_grid) that repeat: exactly, harmonic by harmonic."""
+    """Return responses (n_speed, n_filter, n_grid) to forces (n_speed, n_grid) that repeat: exact, by harmonics."""
     count = force_n.shape[1]
     z = np.exp(2j * np.pi * np.arange(count // 2 + 1) / count)
     harmonics = np.fft.rfft(force_n)[:, None]
@@ -135,18 +135,18 @@ def _periodic(decay: ComplexArray, shapes: ComplexArray, gains: FloatArray, forc
     return np.fft.irfft((gains[..., None] + 0.5 * pairs.sum(axis=2)) * harmonics, count)
 
 
-def _of_states(turn: ComplexArray, swing: ComplexArray) -> FloatArray:
-    """Departure per state u, (n_speed, ORDER n_filter, n_filter, n_time); `swing` is 2 r e^(p t)."""
+def _of_states(input_scale: ComplexArray, swing: ComplexArray) -> FloatArray:
+    """Return the departure per state u, (n_speed, ORDER n_filter, n_filter, n_time); `swing` is 2 r e^(p t)."""
     speeds, kinds, _, times = swing.shape
-    turned = turn[..., None] * swing
+    scaled = input_scale[..., None] * swing
     found = np.zeros((speeds, kinds, ORDER // 2, 2, kinds, times))
     for kind in range(kinds):
-        found[:, kind, :, :, kind] = np.stack([turned[:, kind].real, -turned[:, kind].imag], axis=2)
+        found[:, kind, :, :, kind] = np.stack([scaled[:, kind].real, -scaled[:, kind].imag], axis=2)
     return found.reshape(speeds, ORDER * kinds, kinds, times)
 
 
 def _of_wheel(poles: ComplexArray, new: ComplexArray, mass_kg: float, swing: ComplexArray) -> FloatArray:
-    """Departure per displacement, velocity and force of the wheel, (n_speed, 3, n_filter, n_time)."""
+    """Return the departure per displacement, velocity and force of the wheel, (n_speed, 3, n_filter, n_time)."""
     parts = [mass_kg * poles[..., None] * swing, mass_kg * swing, new[..., None] * swing]
     return np.stack([part.real.sum(axis=2) for part in parts], axis=1)
 

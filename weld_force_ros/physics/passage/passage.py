@@ -22,7 +22,7 @@ from weld_force_ros.physics.passage.wheel_path import WheelPath
 from weld_force_ros.physics.threads import executor, thread_count
 
 _MOST_REMEMBERED = 64  # speeds, half a megabyte each
-_TOGETHER = 8  # welds
+_WELDS_AT_ONCE = 8
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Start:
     Attributes:
         x_m: from the sleeper before the weld.
         last_m: where the passage ends.
-        dt_s: the kernel's step, which its rail states depend on.
+        dt_s: the compiled passage's step, which its rail states depend on.
         rail: (n_state,), as `weld_force_ros.physics.passage.state_space` defines them.
         wheel: displacement, velocity and force, positive down.
     """
@@ -56,7 +56,7 @@ class Start:
 
 
 class VehicleTrackModel:
-    """A wheel on a fitted track, ready to roll, on `threads` threads: one a core, if not given."""
+    """A wheel on a fitted track, simulated on `threads` threads: one a core, if not given."""
 
     def __init__(self, model: StateModel, wheel: Wheel, *, threads: int | None = None) -> None:
         self.model = model
@@ -65,7 +65,7 @@ class VehicleTrackModel:
         self._threads = thread_count(threads)
         # Histories are asked for at many positions of one speed.
         self._in_shortest_steps = lru_cache(_MOST_REMEMBERED)(lambda speed_kmh: self.solver.steady_state(speed_kmh, 1))
-        self._surfaces = PeakMapSolver(self.solver)
+        self._peak_maps = PeakMapSolver(self.solver)
 
     def peak_map(
         self,
@@ -77,7 +77,7 @@ class VehicleTrackModel:
         tolerance: float = TOLERANCE,
         on_speed: Callable[[], None] = lambda: None,
     ) -> PeakMap:
-        """Peak force, its place, least force and contact loss of every passage.
+        """Return peak force, its place, least force and contact loss of every passage.
 
         Args:
             wheel_path: the wheel centre's trajectory over the weld.
@@ -92,7 +92,7 @@ class VehicleTrackModel:
             NumericalError: the passage did not stay finite.
         """
         speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
-        return self._surfaces.roll(
+        return self._peak_maps.solve(
             [wheel_path], speeds, positions, self._threads, on_speed, low_passed=low_passed, tolerance=tolerance
         )[0]
 
@@ -105,7 +105,7 @@ class VehicleTrackModel:
         low_passed: bool = False,
         tolerance: float = TOLERANCE,
     ) -> Iterator[PeakMap]:
-        """`peak_map` of many welds, in their order: some at a time on each thread, and few more are held than that.
+        """Yield the peak maps of many welds, in their order; welds are taken as they are needed.
 
         Args:
             wheel_paths: taken as they are needed.
@@ -119,18 +119,18 @@ class VehicleTrackModel:
             NumericalError: a passage did not stay finite.
         """
         speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
-        roll = partial(self._surfaces.roll, low_passed=low_passed, tolerance=tolerance)
+        solve = partial(self._peak_maps.solve, low_passed=low_passed, tolerance=tolerance)
         with executor(self._threads) as pool:
             waiting: deque[Future[list[PeakMap]]] = deque()
             for some in _some_at_a_time(wheel_paths, self._threads):
-                waiting.append(pool.submit(roll, some, speeds, positions, 1))
+                waiting.append(pool.submit(solve, some, speeds, positions, 1))
                 if len(waiting) > self._threads:
                     yield from waiting.popleft().result()
-            for rolled in waiting:
-                yield from rolled.result()
+            for some_maps in waiting:
+                yield from some_maps.result()
 
     def history(self, wheel_path: WheelPath, speed_kmh: float, position_m: float, *, until_m: float = 0.0) -> History:
-        """One passage in the shortest steps, from a span before the weld to a span after it, or to `until_m` if later.
+        """Return one passage in the shortest steps, from a span before the weld to a span after, or `until_m`.
 
         Raises:
             InputError: a speed that is not positive, or anything that is not finite.
@@ -154,7 +154,7 @@ class VehicleTrackModel:
         return History(x, result[:, 0], -result[:, 1], -result[:, 2], irregularity)
 
     def start(self, wheel_path: WheelPath, speed_kmh: float, position_m: float) -> Start:
-        """The state in which a passage of `peak_map` begins, in the kernel's own scaling and its shortest step."""
+        """Return the state in which a passage of `peak_map` begins, in the shortest step and its scaling of states."""
         steady_state = self._in_shortest_steps(speed_kmh)
         first_m, end_m = wheel_path.nonzero_extent_m
         first = self.solver.start(position_m + first_m)
@@ -164,17 +164,17 @@ class VehicleTrackModel:
 
 
 def _some_at_a_time(wheel_paths: Iterable[WheelPath], threads: int) -> Iterator[list[WheelPath]]:
-    """Enough to fill each other's lanes; of few welds fewer, so that each thread has some."""
-    some = _TOGETHER
+    """Yield enough to fill each other's lanes; of few welds fewer, so that each thread has some."""
+    some = _WELDS_AT_ONCE
     if isinstance(wheel_paths, Sized):
         some = min(some, max(1, len(wheel_paths) // (2 * threads)))
     remaining = iter(wheel_paths)
-    while together := list(islice(remaining, some)):
-        yield together
+    while part := list(islice(remaining, some)):
+        yield part
 
 
 def checked_speeds(values: ArrayLike) -> FloatArray:
-    """Speeds in km/h as an array, or an InputError."""
+    """Return speeds in km/h as an array, or raise an InputError."""
     speeds = checked_axis("speed", values)
     if np.any(speeds <= 0):
         raise InputError("a speed is not positive", "give speeds in km/h above 0")
@@ -182,7 +182,7 @@ def checked_speeds(values: ArrayLike) -> FloatArray:
 
 
 def checked_axis(name: str, values: ArrayLike) -> FloatArray:
-    """One or more finite numbers as an array, or an InputError."""
+    """Return one or more finite numbers as an array, or raise an InputError."""
     array = np.atleast_1d(np.asarray(values, dtype=np.float64))
     if array.size == 0 or not np.all(np.isfinite(array)):
         raise InputError(f"a {name} is missing or not finite", f"give at least one {name} as a number")

@@ -1,10 +1,10 @@
-"""The surface of peak forces over speed and position: many passages, side by side and on every core.
+"""Maps of peak force over speed and position: many passages, side by side and on every core.
 
 A passage begins with long steps. A step is exact for a force that is linear within it, so that a twelfth of the force's
-largest second difference measures what the steps leave out; where that is over `TOLERANCE`, the passage is rolled again
-in steps short enough. A passage ends when the weld's echo has faded: when through a window behind the weld the force
-kept so close to the smooth rail's that it can no longer exceed what was seen before. Neither depends on the company
-that a passage is rolled in.
+largest second difference measures what the steps leave out; where that is over `TOLERANCE`, the passage is simulated
+again in steps short enough. A passage ends when the transient has decayed: when through a window behind the weld the
+force kept so close to the smooth rail's that it can no longer exceed what was seen before. Neither depends on what is
+simulated beside it.
 """
 
 import threading
@@ -25,7 +25,7 @@ from weld_force_ros.physics.threads import executor
 
 TOLERANCE = 5e-4  # of the peak force
 _ESTIMATE = 1 / 12  # of the second difference: a linear force's mean distance from a parabola, over a step
-_TOGETHER = 128  # speeds whose tables are made before they roll
+_SPEEDS_AT_ONCE = 128  # whose tables are made before their passages
 _UNFILTERED = 4
 _WORKING = (4, 5)  # columns of `Batch.peaks` that are no result
 _MOST_REMEMBERED = 16  # batches: a map's and its curve's; up to 10 MB each, dense ones of short steps up to 200 MB
@@ -35,7 +35,7 @@ _MOST_REMEMBERED = 16  # batches: a map's and its curve's; up to 10 MB each, den
 class PeakMap:
     """Results over speed and position, each (n_speed, n_position).
 
-    `low_passed_n`, if asked for: (2, n_speed, n_position), greatest force through the filters of
+    `low_passed_n`, if wanted: (2, n_speed, n_position), greatest force through the filters of
     `weld_force_ros.physics.passage.lowpass.CUTOFFS_HZ`.
     """
 
@@ -47,20 +47,20 @@ class PeakMap:
 
     @classmethod
     def of(cls, results: FloatArray) -> "PeakMap":
-        """From (n_speed, n_position, n_column): the fields in their order, each filter a column, or none."""
+        """Return a map of (n_speed, n_position, n_column): the fields in their order, each filter a column, or none."""
         peak_n, peak_x_m, least_n, loss_s, *low_passed = np.moveaxis(results, 2, 0)
         return cls(peak_n, peak_x_m, least_n, loss_s, np.stack(low_passed) if low_passed else None)
 
 
 class PeakMapSolver:
-    """Rolls passages over welds; what depends on the speed alone is remembered from weld to weld."""
+    """Simulates passages over welds; what depends on the speed alone is remembered from weld to weld."""
 
     def __init__(self, solver: SteadyStateSolver) -> None:
-        self._roller = solver
+        self._solver = solver
         self._remembered: dict[tuple[int, bytes], Batch] = {}
         self._remembering = threading.Lock()
 
-    def roll(
+    def solve(
         self,
         wheel_paths: Sequence[WheelPath],
         speeds_kmh: FloatArray,
@@ -71,22 +71,22 @@ class PeakMapSolver:
         low_passed: bool = False,
         tolerance: float = TOLERANCE,
     ) -> list[PeakMap]:
-        """See `VehicleTrackModel.peak_map`; of several welds, which fill each other's lanes."""
-        order = np.argsort(speeds_kmh)  # neighbours roll together, as they take as long
+        """Return maps as `VehicleTrackModel.peak_map`, of several welds, which fill each other's lanes."""
+        order = np.argsort(speeds_kmh)  # neighbours are simulated together, as they take as long
         cutoffs_hz = CUTOFFS_HZ if low_passed else ()
         places = len(wheel_paths) * len(positions_m)
         results = np.empty((len(speeds_kmh), places, _UNFILTERED + len(cutoffs_hz)))
         with executor(threads) as pool:
-            for first in range(0, len(order), _TOGETHER):
-                rows = order[first : first + _TOGETHER]
-                results[rows] = self._roll_together(
+            for first in range(0, len(order), _SPEEDS_AT_ONCE):
+                rows = order[first : first + _SPEEDS_AT_ONCE]
+                results[rows] = self._solve_speeds(
                     wheel_paths, speeds_kmh[rows], positions_m, cutoffs_hz, tolerance, on_speed, pool, threads
                 )
         if not np.all(np.isfinite(results)):
             raise NumericalError("a passage did not stay finite; the fit of this track cannot be used at that speed")
         return [PeakMap.of(part) for part in np.split(results, len(wheel_paths), axis=1)]
 
-    def _roll_together(
+    def _solve_speeds(
         self,
         wheel_paths: Sequence[WheelPath],
         speeds_kmh: FloatArray,
@@ -97,31 +97,31 @@ class PeakMapSolver:
         pool: Executor,
         threads: int,
     ) -> FloatArray:
-        """(n_speed, n_place, 4 + n_filter), speeds increasing; each passage in the longest stride that serves it."""
-        coarsest = np.array([self._roller.coarsest_stride(speed) for speed in speeds_kmh])
+        """Return (n_speed, n_place, 4 + n_filter), speeds increasing; each in the longest stride that serves."""
+        coarsest = np.array([self._solver.coarsest_stride(speed) for speed in speeds_kmh])
         wanted = np.repeat(coarsest[:, None], len(wheel_paths) * len(positions_m), axis=1)
         results = np.empty((*wanted.shape, 6 + len(cutoffs_hz)))
         while wanted.any():
             stride = int(wanted.max())
-            able = coarsest >= stride  # the same speeds whatever is asked, so that their tables serve again
-            asked = wanted == stride
-            places = passage_starts(self._roller, wheel_paths, positions_m, stride)
+            able = coarsest >= stride  # the same speeds whatever is selected, so that their tables serve again
+            selected = wanted == stride
+            places = passage_starts(self._solver, wheel_paths, positions_m, stride)
             batch = self._batch(stride, speeds_kmh[able], pool)
-            found = batch.peaks(places, asked[able], pool, threads, cutoffs_hz)[asked[able]]
-            found[:, 1] = (places.starts[np.nonzero(asked)[1]] + stride * found[:, 1]) * self._roller.grid_m
-            results[asked] = found
-            wanted[asked] = _finer(stride, found, tolerance)
-            done = asked.any(axis=1) & ~wanted.any(axis=1)
+            found = batch.peaks(places, selected[able], pool, threads, cutoffs_hz)[selected[able]]
+            found[:, 1] = (places.starts[np.nonzero(selected)[1]] + stride * found[:, 1]) * self._solver.grid_m
+            results[selected] = found
+            wanted[selected] = _finer(stride, found, tolerance)
+            done = selected.any(axis=1) & ~wanted.any(axis=1)
             for _ in np.flatnonzero(done):
                 on_speed()
         return np.delete(results, _WORKING, axis=2)
 
     def _batch(self, stride: int, speeds_kmh: FloatArray, pool: Executor) -> Batch:
-        """A batch's tables, remembered: the next weld is likely to be rolled over at the same speeds."""
+        """Return a batch's tables, remembered: the next weld is likely to be simulated at the same speeds."""
         key = (stride, speeds_kmh.tobytes())
         batch = self._remembered.get(key)
         if batch is None:
-            batch = make_batch(self._roller, speeds_kmh, stride, pool)
+            batch = make_batch(self._solver, speeds_kmh, stride, pool)
             with self._remembering:
                 if len(self._remembered) >= _MOST_REMEMBERED:
                     self._remembered.clear()
@@ -130,7 +130,7 @@ class PeakMapSolver:
 
 
 def _finer(stride: int, results: FloatArray, tolerance: float) -> NDArray[np.int64]:
-    """The stride that results (..., 6) ask for, as the error goes with its square; 0 where they are good enough."""
+    """Return the stride that results (..., 6) need, as the error goes with its square; 0 where they are good enough."""
     excess = _ESTIMATE * results[..., 4] / (tolerance * results[..., 0])
     good = ~(excess > 1) | (stride == 1)
     halvings = np.ceil(0.5 * np.log2(np.where(good, 1.0, excess)))

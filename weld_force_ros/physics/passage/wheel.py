@@ -18,14 +18,14 @@ class Wheel:
 
     @property
     def static_indentation_m(self) -> float:
-        """Approach of wheel and rail at rest."""
+        """Return the approach of wheel and rail at rest."""
         return float((self.static_load_n / self.hertz_n_per_m15) ** (2 / 3))
 
     @property
     def contact_stiffness_n_per_m(self) -> float:
-        """Slope of the Hertz law at the static load."""
+        """Return the slope of the Hertz law at the static load."""
         return float(1.5 * self.hertz_n_per_m15 ** (2 / 3) * self.static_load_n ** (1 / 3))
 
     def compliance(self, omega: FloatArray) -> ComplexArray:
-        """Contact spring and free wheel in series with the track as an irregularity meets them, m/N."""
+        """Return the contact spring and free wheel in series with the track as an irregularity meets them, m/N."""
         return np.asarray(1 / self.contact_stiffness_n_per_m - 1 / (self.mass_kg * omega**2), dtype=np.complex128)

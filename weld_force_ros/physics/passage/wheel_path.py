@@ -1,6 +1,6 @@
 """From a weld profile to what the wheel's centre does over it.
 
-The profile is joined to the rail where its ends do not lie at zero, resampled, and rolled over: the wheel's centre
+The profile is joined to the rail where its ends do not lie at zero, and resampled; the wheel's centre
 follows the upper envelope of wheel circles resting on the profile,
 
     r(x) = max_s [ z(x + s) - (R - sqrt(R^2 - s^2)) ],   z and r positive up,
@@ -38,29 +38,29 @@ class WheelPath:
 
     @property
     def end_m(self) -> float:
-        """Last sample's distance from the weld's centre."""
+        """Return the last sample's distance from the weld's centre."""
         return self.start_m + RESAMPLED_STEP_M * (len(self.height_m) - 1)
 
     @cached_property
     def nonzero_extent_m(self) -> tuple[float, float]:
-        """Where the height begins and ends to differ from zero, from the weld's centre; the first sample if nowhere."""
+        """Return where the height begins and ends to differ from zero; the first sample twice if nowhere."""
         uneven = np.flatnonzero(self.height_m)
         first, last = (uneven[0] - 1, uneven[-1] + 1) if len(uneven) else (0, 0)
         return self.start_m + RESAMPLED_STEP_M * max(first, 0), self.start_m + RESAMPLED_STEP_M * last
 
     def at(self, x_m: FloatArray) -> FloatArray:
-        """Height at any distances from the weld's centre, shape of `x_m`: cubic spline, zero outside."""
+        """Return the height at any distances from the weld's centre, shape of `x_m`: cubic spline, zero outside."""
         inside = (x_m > self.start_m) & (x_m < self.end_m)
         return np.where(inside, self.spline(np.clip(x_m, self.start_m, self.end_m)), 0.0)
 
     @cached_property
     def spline(self) -> CubicSpline:
-        """The height between the samples."""
+        """Return the the height between the samples."""
         return CubicSpline(self.start_m + RESAMPLED_STEP_M * np.arange(len(self.height_m)), self.height_m)
 
 
 def wheel_path_over(x_m: FloatArray, z_m: FloatArray, wheel_radius_m: float) -> WheelPath:
-    """The wheel centre's trajectory over a profile.
+    """Return the wheel centre's path over a profile.
 
     Args:
         x_m: (n,), increasing, 0 at the weld's centre.
@@ -81,24 +81,24 @@ def wheel_path_over(x_m: FloatArray, z_m: FloatArray, wheel_radius_m: float) -> 
 
 
 def dilated_by_wheel(surface_m: FloatArray, step_m: float, wheel_radius_m: float) -> FloatArray:
-    """Dilation of equidistant heights by the wheel's circle, same shape."""
+    """Return the dilation of equidistant heights by the wheel's circle, same shape."""
     half = int(np.ceil(_reach(float(np.ptp(surface_m)), wheel_radius_m) / step_m))
     if half == 0:
         return np.array(surface_m)
     s = step_m * np.arange(-half, half + 1)
     circle = np.sqrt(wheel_radius_m**2 - s**2) - wheel_radius_m
-    rolled: FloatArray = grey_dilation(surface_m, footprint=np.ones(len(s)), structure=circle, mode="nearest")
-    return rolled
+    dilated: FloatArray = grey_dilation(surface_m, footprint=np.ones(len(s)), structure=circle, mode="nearest")
+    return dilated
 
 
 def _reach(height_m: float, wheel_radius_m: float) -> float:
-    """How far ahead of its lowest point a wheel can touch something `height_m` high."""
+    """Return how far ahead of its lowest point a wheel can touch something `height_m` high."""
     height = min(height_m, 0.5 * wheel_radius_m)
     return float(np.sqrt(2 * wheel_radius_m * height - height**2))
 
 
 def joined(x_m: FloatArray, z_m: FloatArray) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
-    """The profile with half-cosine ramps to zero wherever an end does not lie there."""
+    """Return the profile with half-cosine ramps to zero wherever an end does not lie there."""
     ramp = np.linspace(0.0, 1.0, 101)[1:]
     ease = 0.5 * (1 + np.cos(np.pi * ramp))
     notes: tuple[str, ...] = ()

@@ -60,7 +60,7 @@ class StripRail(Rail):
 
     @property
     def steel(self) -> "Steel":
-        """What it is made of."""
+        """Return what the rail is made of."""
         from weld_force_ros.physics.track.waveguide_rail import Steel
 
         density = self.mass_kg_per_m / self.area_m2
@@ -68,7 +68,7 @@ class StripRail(Rail):
 
     @property
     def free(self) -> "FreeRail":
-        """It without supports; the first of its kind takes seconds."""
+        """Return the rail without supports; the first of its kind takes seconds."""
         from weld_force_ros.physics.track import waveguide_rail
 
         return waveguide_rail.rail(self.section, self.wear_m, self.steel)
@@ -83,12 +83,12 @@ class Spring:
     damping_ns_per_m: float = 0.0
 
     def dynamic_stiffness(self, omega: FloatArray | ComplexArray) -> ComplexArray:
-        """ComplexArray stiffness in N/m, shape of `omega` (rad/s)."""
+        """Return the complex stiffness in N/m, shape of `omega` (rad/s)."""
         damping = self.stiffness_n_per_m * self.loss_factor + omega * self.damping_ns_per_m
         return np.asarray(self.stiffness_n_per_m + 1j * damping)
 
     def undamped(self) -> "Spring":
-        """The same stiffness without loss."""
+        """Return the the same stiffness without loss."""
         return Spring(self.stiffness_n_per_m)
 
 
@@ -109,23 +109,23 @@ class Track:
     pad_width_m: float = 0.0
 
     def undamped(self) -> "Track":
-        """The same track without any loss."""
+        """Return the the same track without any loss."""
         return replace(
             self, rail=replace(self.rail, loss_factor=0.0), pad=self.pad.undamped(), ballast=self.ballast.undamped()
         )
 
     @property
     def causal(self) -> bool:
-        """Whether damping is viscous in both layers; a loss factor has no causal impulse response."""
+        """Return whether damping is viscous in both layers; a loss factor has no causal impulse response."""
         return self.pad.loss_factor == 0.0 and self.ballast.loss_factor == 0.0
 
     def support_stiffness(self, omega: FloatArray | ComplexArray) -> ComplexArray:
-        """Dynamic stiffness of one support seen by the rail, N/m."""
+        """Return the dynamic stiffness of one support seen by the rail, N/m."""
         pad, below = self.pad.dynamic_stiffness(omega), self.stiffness_below_pad(omega)
         return np.asarray(pad * below / (pad + below))
 
     def stiffness_below_pad(self, omega: FloatArray | ComplexArray) -> ComplexArray:
-        """Dynamic stiffness of sleeper and ballast, N/m."""
+        """Return the dynamic stiffness of sleeper and ballast, N/m."""
         return np.asarray(self.ballast.dynamic_stiffness(omega) - self.sleeper_mass_kg * omega**2)
 
 
@@ -168,18 +168,18 @@ def transfer_receptance(
 
 
 def static_compliance(track: Track, at_m: ArrayLike) -> FloatArray:
-    """Deflection under a resting unit load, m/N, shape (n_at,): the undamped track, as loss does not act at rest."""
+    """Return the deflection under a resting unit load, m/N, (n_at,), of the undamped track: no loss at rest."""
     at = np.atleast_1d(np.asarray(at_m, dtype=np.float64))
     return _response(static_waves(track), at, at)[:, 0].real
 
 
 def sections(track: Track, count: int) -> FloatArray:
-    """`count` equidistant sections over one span, m, the first over a sleeper; continuous support needs one."""
+    """Return `count` equidistant places over one span, m, the first over a sleeper; continuous support needs one."""
     return np.zeros(1) if track.continuous else np.arange(count) * (track.spacing_m / count)
 
 
 def velocity_jump(rail: Rail) -> float:
-    """Velocity that a unit impulse gives the rail under it at once, m/(N s^2) s: half the inverse shear impedance.
+    """Return the velocity that a unit impulse gives the rail at once, m/(N s): half the inverse shear impedance.
 
     The receptance tends to this over i omega at high frequency.
     """
@@ -188,7 +188,7 @@ def velocity_jump(rail: Rail) -> float:
 
 
 def pinned_pinned_hz(track: Track) -> float:
-    """First pinned-pinned frequency: half a bending wave between fixed sleepers, Timoshenko beam, Hz.
+    """Return the first pinned-pinned frequency: half a bending wave between fixed sleepers, Timoshenko beam, Hz.
 
     The lower root of the beam's frequency equation at k = pi / spacing.
     """
@@ -208,7 +208,7 @@ def pinned_pinned_hz(track: Track) -> float:
 
 
 def free_decay(rail: Rail, frequency_hz: ArrayLike) -> ComplexArray:
-    """Decay constants of a free rail's waves in 1/m, (n_wave, n_frequency); imaginary of one that just travels."""
+    """Return decay constants of a free rail's waves, 1/m, (n_wave, n_frequency); imaginary of one that just travels."""
     omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
     if isinstance(rail, StripRail):
         return rail.free.moving(omega, loss_factor=rail.loss_factor).decay
@@ -231,7 +231,7 @@ class Waves(Protocol):
     multiplier: ComplexArray
 
     def shape(self, x_m: FloatArray) -> ComplexArray:
-        """The waves that decay towards +x: (n_wave, n_x, n_frequency)."""
+        """Return the the waves that decay towards +x: (n_wave, n_x, n_frequency)."""
 
 
 def waves(track: Track, omega: FloatArray | ComplexArray, *, threads: int | None = None) -> Waves:

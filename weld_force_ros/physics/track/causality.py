@@ -38,7 +38,7 @@ class Acausal:
     causal: ComplexArray
 
     def floor(self, contact_compliance: Callable[[FloatArray], ComplexArray], band_hz: tuple[float, float]) -> float:
-        """RMS over a band of |causal - exact| / |exact + c|: the error floor of models in time, about.
+        """Return the RMS over a band of |causal - exact| / |exact + c|: about the error floor of models in time.
 
         Not a strict bound: a model may distribute the same error otherwise over frequency.
         """

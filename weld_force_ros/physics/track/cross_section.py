@@ -66,32 +66,32 @@ class Mesh:
 
     @cached_property
     def inner(self) -> Any:
-        """Integral of the product of two fields over the section: (n_node, n_node)."""
+        """Return the integral of the product of two fields over the section: (n_node, n_node)."""
         return self._integrated(lambda u, v, w: u * v)
 
     @property
     def area_m2(self) -> float:
-        """Of the section."""
+        """Return the section's area."""
         return float(self.inner.sum())
 
     @property
     def centroid_m(self) -> float:
-        """Height above the underside."""
+        """Return the height above the underside."""
         return float((self.inner @ self.nodes[1]).sum()) / self.area_m2
 
     @property
     def second_moment_m4(self) -> float:
-        """Of vertical bending."""
+        """Return the second moment of vertical bending."""
         z = self.nodes[1] - self.centroid_m
         return float(z @ (self.inner @ z))
 
     @property
     def lateral_second_moment_m4(self) -> float:
-        """Of lateral bending, about the axis."""
+        """Return the second moment of lateral bending, about the axis."""
         return float(self.nodes[0] @ (self.inner @ self.nodes[0]))
 
     def matrices(self, lame_pa: float, shear_pa: float) -> Matrices:
-        """Those of an isotropic section with Lamé's constants."""
+        """Return the matrices of an isotropic section with Lamé's constants."""
         m = self.inner
         yy = self._integrated(lambda u, v, w: u.grad[0] * v.grad[0])
         zz = self._integrated(lambda u, v, w: u.grad[1] * v.grad[1])
@@ -116,26 +116,26 @@ class Mesh:
 
     @cached_property
     def _kept(self) -> Any:
-        """Of the displacements across and upwards, those that symmetry leaves free."""
+        """Return which displacements across and upwards symmetry leaves free."""
         across = np.ones(self.nodes.shape[1], dtype=bool)
         if self.half:
             across = self.nodes[0] > _EDGE
         return np.flatnonzero(np.concatenate([across, np.ones_like(across)]))
 
     def displacement(self, t: FloatArray) -> FloatArray:
-        """Displacements across and upwards, (2, n_node), from the vector `t` of the module's text."""
+        """Return the displacements across and upwards, (2, n_node), from the vector `t` of the module's text."""
         full = np.zeros(2 * self.nodes.shape[1])
         full[self._kept] = t
         return full.reshape(2, -1)
 
     def lines(self) -> NDArray[np.int64]:
-        """Nodes (3, n) of the elements' sides: ends and middle."""
+        """Return the nodes (3, n) of the elements' sides: ends and middle."""
         ends = self.mesh.facets
         middles = self._basis.dofs.facet_dofs[0]
         return np.stack([ends[0], middles, ends[1]])
 
     def mean_height(self, within: Callable[[FloatArray, FloatArray], NDArray[np.bool_]]) -> FloatArray:
-        """Weights (n_t,) whose product with t is the mean vertical displacement of a part of the section.
+        """Return the weights (n_t,) whose product with t is the mean vertical displacement of a part of the section.
 
         Args:
             within: of y and z in m, whether a point belongs to the part; its edge has to be one of elements.
@@ -145,7 +145,7 @@ class Mesh:
 
 
 def rail_mesh(outline: Outline, *, refine: int = 1, half: bool = True) -> Mesh:
-    """The mesh of a rail's section.
+    """Return the the mesh of a rail's section.
 
     Args:
         outline: of half of it.
@@ -160,12 +160,12 @@ def rail_mesh(outline: Outline, *, refine: int = 1, half: bool = True) -> Mesh:
 
 
 def part_heights(outline: Outline) -> tuple[float, float]:
-    """Heights in m below which a point belongs to the foot, and above which to the head: those of the web's fillets."""
+    """Return the height in m up to which the foot reaches, and from which on the head: those of the web's fillets."""
     return float(outline.points_m[outline.corners[3], 1]), float(outline.points_m[outline.corners[2], 1])
 
 
 def _plan(refine: int, sides: tuple[int, ...]) -> MeshQuad1:
-    """The mesh as unit squares: foot, web and head above each other next to the axis, wings of foot and head beside."""
+    """Return the mesh as unit squares: foot, web and head next to the axis, wings of foot and head beside."""
     blocks = [
         (0, 0, _COLUMNS, _ROWS[0]), (1, 0, _FOOT_WING, _ROWS[0]), (0, 1, _COLUMNS, _ROWS[1]),
         (0, 2, _COLUMNS, _ROWS[2]), (1, 2, _HEAD_WING, _ROWS[2]),
@@ -214,7 +214,7 @@ class _Blocks:
         }  # fmt: skip
 
     def at(self, a: FloatArray, b: FloatArray) -> FloatArray:
-        """Points (2, n) of the section from those of the plan, each (n,)."""
+        """Return the points (2, n) of the section from those of the plan, each (n,)."""
         places = np.empty((2, len(a)))
         for (left, low), (below, above, before, behind) in self._sides.items():
             inside = (a >= left - _EDGE) & (a <= left + 1 + _EDGE) & (b >= low - _EDGE) & (b <= low + 1 + _EDGE)
@@ -234,5 +234,5 @@ class _Curve:
         self.begin, self.end = points[0][:, None], points[-1][:, None]
 
     def at(self, share: FloatArray) -> FloatArray:
-        """(2, n)."""
+        """Return points (2, n)."""
         return np.stack([np.interp(share, self._share, column) for column in self._points.T])

@@ -62,13 +62,13 @@ class Outline:
 
     @property
     def area_m2(self) -> float:
-        """Of the whole section."""
+        """Return the area of the whole section."""
         y, z = self.points_m.T
         return float(abs(np.sum((y[1:] + y[:-1]) * np.diff(z))))
 
 
 def outline(dimensions: Dimensions, wear_m: float = 0.0) -> Outline:
-    """Half the outline of a section.
+    """Return half the outline of a section.
 
     Args:
         dimensions: as published.
@@ -138,7 +138,7 @@ def _crown(d: Dimensions, side: float, wear_m: float) -> FloatArray:
 
 
 def _fillet(before: _Line, after: _Line, arcs: Sequence[tuple[float, float | None]]) -> FloatArray:
-    """Points of a chain of arcs that leads from one line into the next."""
+    """Return points of a chain of arcs that leads from one line into the next."""
     turn = after.heading_rad - before.heading_rad
     sign, given = np.sign(turn), sum(own for _, own in arcs if own is not None)
     turns = [(radius_m, sign * (abs(turn) - given if own is None else own)) for radius_m, own in arcs]
@@ -153,7 +153,7 @@ def _fillet(before: _Line, after: _Line, arcs: Sequence[tuple[float, float | Non
 
 
 def _arcs(start: FloatArray, heading: float, arcs: Iterable[tuple[float, float]]) -> FloatArray:
-    """Points of arcs that follow each other: of each its radius, and what it turns by."""
+    """Return points of arcs that follow each other: of each its radius, and the angle that it turns by."""
     points = [start[None]]
     for radius_m, turn in arcs:
         angles = heading + np.linspace(0.0, turn, max(3, int(abs(turn) * radius_m / _SAMPLE_M) + 1))
@@ -164,7 +164,7 @@ def _arcs(start: FloatArray, heading: float, arcs: Iterable[tuple[float, float]]
 
 
 def _straight(begin: FloatArray, end: FloatArray) -> FloatArray:
-    """Points between two others."""
+    """Return points between two others."""
     count = max(2, int(np.hypot(*(end - begin)) / _SAMPLE_M))
     return (begin + np.linspace(0.0, 1.0, count + 1)[1:-1, None] * (end - begin)).reshape(-1, 2)
 

@@ -50,7 +50,7 @@ class SupportedWaves:
         self.strength: ComplexArray = np.concatenate([floquet / between, 1 / free.norm[COUPLED:]])
 
     def _reactions(self, pad: ComplexArray, below: ComplexArray, shares: FloatArray) -> ComplexArray:
-        """(n_place, n_place, n_frequency): reactions of a support's springs to what the foot would do without them."""
+        """Return the reactions (n_place, n_place, n_frequency) of springs to the foot's motion without them."""
         one = np.eye(len(shares))
         together = np.outer(shares, shares)
         stiffness = pad * (one * shares)[..., None] - pad**2 / (pad + below) * together[..., None]
@@ -59,7 +59,7 @@ class SupportedWaves:
         return np.moveaxis(np.linalg.solve(one + k @ g, k), 0, -1)
 
     def _floquet(self, n: int) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """At one frequency: amplitudes (n_near, n_floquet) ahead and back, and multipliers (n_floquet,)."""
+        """Return amplitudes (n_near, n_floquet) ahead and back, and multipliers (n_floquet,), at one frequency."""
         decay, foot, norm = (array[:COUPLED, n] for array in (self._free.decay, self._free.foot, self._free.norm))
         reach = np.exp(-decay * self.span_m)
         lags, leads = (np.exp(sign * decay[:, None] * self._places) for sign in (-1, 1))
@@ -81,7 +81,7 @@ class SupportedWaves:
         return vectors[: len(decay)], vectors[len(decay) :], values[chosen]
 
     def shape(self, x_m: FloatArray) -> ComplexArray:
-        """The waves that decay towards +x: (n_wave, n_x, n_frequency)."""
+        """Return the the waves that decay towards +x: (n_wave, n_x, n_frequency)."""
         free = self._free
         span = np.rint(x_m / self.span_m)
         x = x_m - span * self.span_m  # from the nearest support
@@ -112,7 +112,7 @@ class WavesAlong:
         self.multiplier: ComplexArray = np.exp(-free.decay * span_m)
 
     def shape(self, x_m: FloatArray) -> ComplexArray:
-        """The waves that decay towards +x: (n_wave, n_x, n_frequency)."""
+        """Return the the waves that decay towards +x: (n_wave, n_x, n_frequency)."""
         return _shapes(self._free.head, self._free.decay, x_m)
 
 

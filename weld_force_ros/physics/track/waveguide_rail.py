@@ -64,7 +64,7 @@ class Steel:
 
     @property
     def lame_pa(self) -> float:
-        """Lamé's first constant."""
+        """Return Lamé's first constant."""
         e, g = self.youngs_modulus_pa, self.shear_modulus_pa
         return g * (e - 2 * g) / (3 * g - e)
 
@@ -88,15 +88,15 @@ class FreeWaves:
     norm: ComplexArray
 
     def head_head(self, distance_m: FloatArray) -> ComplexArray:
-        """Response (*distance, n_frequency) of the head to a force on it, m/N."""
+        """Return the response (*distance, n_frequency) of the head to a force on it, m/N."""
         return self._between(self.head, self.head, distance_m)
 
     def head_foot(self, distance_m: FloatArray) -> ComplexArray:
-        """As `head_head`, of one to a force on the other."""
+        """Return the response of one to a force on the other, as `head_head`."""
         return self._between(self.head, self.foot, distance_m)
 
     def foot_foot(self, distance_m: FloatArray) -> ComplexArray:
-        """As `head_head`, of the foot to a force on it."""
+        """Return the response of the foot to a force on it, as `head_head`."""
         return self._between(self.foot, self.foot, distance_m)
 
     def _between(self, at: ComplexArray, force_at: ComplexArray, distance_m: FloatArray) -> ComplexArray:
@@ -141,7 +141,7 @@ class WaveProblem:
         self._founded = -scipy.linalg.lu_solve(factors, founded)
 
     def solve(self, square: complex, foundation: complex = 0.0) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """Waves at a squared angular frequency, on a foundation in N/m^2 under the last of what is observed.
+        """Return the waves at a squared angular frequency, on a foundation in N/m^2 under the last of what is observed.
 
         Returns:
             Decay constants kappa (n,); eigenvectors (n_u + n_t, n) as the module's text has them; their norms
@@ -158,16 +158,16 @@ class WaveProblem:
         return decay, vectors, 2 * decay * scale
 
     def parts(self, vectors: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """Displacement along the rail over k, and in the section, of eigenvectors."""
+        """Return the displacement along the rail over k, and in the section, of eigenvectors."""
         return vectors[: self._n_u], vectors[self._n_u :]
 
     def observed(self, vectors: ComplexArray) -> ComplexArray:
-        """Mean displacements (n_force, n) of waves."""
+        """Return the mean displacements (n_force, n) of waves."""
         return np.asarray(self._observed.T @ self.parts(vectors)[1])
 
 
 def _reduced(m: Matrices, density: float, observed: FloatArray) -> tuple[Matrices, FloatArray, FloatArray]:
-    """The matrices in the space of a basis, see the module's text; and the basis (n, n_basis) of U and of t."""
+    """Return the matrices in the space of a basis, see the module's text; and the basis (n, n_basis) of U and of t."""
     found = [_slow_waves(m, density, (2 * np.pi * hz) ** 2) for hz in _BASIS_HZ]
     found += [_static(m, observed, k) for k in _STATIC_PER_M]
     along, across_up = np.split(np.hstack(found), [m.mass.shape[0]])
@@ -180,7 +180,7 @@ def _reduced(m: Matrices, density: float, observed: FloatArray) -> tuple[Matrice
 
 
 def _slow_waves(m: Matrices, density: float, square: float) -> ComplexArray:
-    """Eigenvectors (n_u + n_t, n_wave) of the waves that decay and turn slowest, by shift and inverse."""
+    """Return eigenvectors (n_u + n_t, n_wave) of the waves that decay and turn slowest, by shift and inverse."""
     n_u, n_t = m.mass.shape[0], m.mass_t.shape[0]
     here = sparse.bmat([[m.a_u - square * density * m.mass, m.b], [None, m.a_t - square * density * m.mass_t]], "csc")
     slope = sparse.bmat([[m.c_u, None], [m.b.T, m.c_t]], "csc")
@@ -190,21 +190,21 @@ def _slow_waves(m: Matrices, density: float, square: float) -> ComplexArray:
 
 
 def _static(m: Matrices, observed: FloatArray, k: float) -> ComplexArray:
-    """Displacements (n_u + n_t, n_force) under the observed forces, resting, varying along the rail by wavenumber k."""
+    """Return displacements (n_u + n_t, n_force) under resting forces that vary along the rail by wavenumber k."""
     stiffness = sparse.bmat([[m.a_u + k**2 * m.c_u, k * m.b], [k * m.b.T, m.a_t + k**2 * m.c_t]], "csc")
     force = np.vstack([np.zeros((m.mass.shape[0], observed.shape[1])), observed])
     return np.asarray(scipy.sparse.linalg.spsolve(stiffness, force))
 
 
 def decays(squares: ComplexArray) -> ComplexArray:
-    """Decay constants kappa of waves from their k^2; of an undamped travelling wave the one that lags with distance."""
+    """Return decay constants kappa of waves from their k^2; of a travelling wave the one that lags with distance."""
     decay = np.sqrt(-squares + 0j)
     travelling = np.abs(decay.real) <= 1e-9 * np.abs(decay)
     return np.asarray(np.where(travelling, 1j * np.abs(decay.imag), decay))
 
 
 def _basis(vectors: ComplexArray, mass: "FloatArray | sparse.spmatrix") -> FloatArray:
-    """Orthonormal vectors, by mass, of the space that complex ones span."""
+    """Return orthonormal vectors, by mass, of the space that complex ones span."""
     parts = np.hstack([vectors.real, vectors.imag])
     lengths = np.sqrt(np.einsum("im,im->m", parts, mass @ parts))
     parts = (parts / np.where(lengths > 0, lengths, 1.0))[:, lengths > 1e-9 * lengths.max()]
@@ -237,7 +237,7 @@ class FreeRail:
 
     @property
     def local_compliance(self) -> tuple[float, float, float]:
-        """What is subtracted of the response at rest of head to head, head to foot and foot to foot, m/N."""
+        """Return what is subtracted at rest of head to head, head to foot and foot to foot, m/N."""
         resting, here = self._resting, np.zeros(())
         head, cross, foot = (
             -float(found[0].real)
@@ -288,7 +288,7 @@ class FreeRail:
         return FreeWaves(decay, observed[0], observed[1], norm * loss)
 
     def travelling(self, frequency_hz: float) -> list[WaveShape]:
-        """The waves that travel at a frequency without loss, the longest first."""
+        """Return the the waves that travel at a frequency without loss, the longest first."""
         decay, vectors, _ = self._problem.solve(complex((2 * np.pi * frequency_hz) ** 2))
         found = []
         for n in np.flatnonzero(np.abs(decay.real) <= 1e-6 * np.abs(decay)):
@@ -300,7 +300,7 @@ class FreeRail:
 
 @lru_cache(8)
 def rail(section: Dimensions, wear_m: float, steel: Steel, refine: int = REFINE) -> FreeRail:
-    """A free rail; making one takes seconds."""
+    """Return a free rail; making one takes seconds."""
     shape = outline(section, wear_m)
     mesh = rail_mesh(shape, refine=refine)
     foot_m, head_m = part_heights(shape)
