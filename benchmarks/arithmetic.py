@@ -35,15 +35,15 @@ def arithmetic(repetitions: int) -> dict[str, object]:
     pool = ThreadPoolExecutor(1)
     batch = make_batch(solver, np.linspace(60.0, 200.0, SPEEDS), solver.longest_stride, pool)
 
-    def roll() -> FloatArray:
+    def simulate() -> FloatArray:
         return batch.peaks(weld, everything, pool, 1)
 
-    # All lanes of a pair of positions roll until the last of them is done.
-    steps = LANES * roll()[:, :, 5].reshape(SPEEDS, _PAIRS, 2).max(axis=(0, 2)).sum()
+    # All lanes of a pair of positions go on until the last of them is done.
+    steps = LANES * simulate()[:, :, 5].reshape(SPEEDS, _PAIRS, 2).max(axis=(0, 2)).sum()
     numbers = np.full(LANES * (_CHAINS + 2), 0.5)
     taken = timing.interleaved(
         {
-            "kernel": roll,
+            "kernel": simulate,
             "peak": lambda: _solvers.multiply_adds(numbers, _ROUNDS),
         },
         repetitions,

@@ -15,8 +15,8 @@ def engines(repetitions: int) -> dict[str, Any]:
     weld = reference.wheel_paths[study.WELDS[1]]
     taken = timing.interleaved(
         {
-            "common_poles": fast.roll,
-            "rfp": rational.roll,
+            "common_poles": fast.simulate,
+            "rfp": rational.simulate,
             "reference": lambda: reference.simulator.vehicle_track.peak_map(
                 weld, [_REFERENCE_SPEED_KMH], reference.positions_m
             ),
@@ -36,7 +36,7 @@ def threads(repetitions: int) -> dict[str, Any]:
     vehicle_tracks = {count: study.vehicle_track(count) for count in (1, 2)}
     taken = timing.interleaved(
         {
-            f"{_TIMES}_studies_{count}_thread_s": partial(workload.roll, vehicle_track, _TIMES)
+            f"{_TIMES}_studies_{count}_thread_s": partial(workload.simulate, vehicle_track, _TIMES)
             for count, vehicle_track in vehicle_tracks.items()
         },
         repetitions,

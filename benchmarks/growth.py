@@ -52,16 +52,16 @@ def _roll(passages: int) -> tuple[float, float]:
 
     stream = rounds * list(workload.wheel_paths.values())
 
-    def roll() -> None:
+    def simulate() -> None:
         for _ in vehicle_track.peak_maps(stream, speeds, workload.positions_m):
             pass
 
-    roll()
+    simulate()
     # Few passages are soon done: repeated, so that every size is timed about as long.
     repeated = max(1, _ROUNDS // rounds)
-    taken = sum(timing.seconds(roll) for _ in range(repeated))
-    rolled = repeated * len(stream) * row_count * study.POSITIONS
-    return taken / rolled, _peak_memory_mb()
+    taken = sum(timing.seconds(simulate) for _ in range(repeated))
+    simulated = repeated * len(stream) * row_count * study.POSITIONS
+    return taken / simulated, _peak_memory_mb()
 
 
 def _peak_memory_mb() -> float:

@@ -96,7 +96,7 @@ def speed_against_solver(repetitions: int) -> dict[str, Any]:
     sample = sampled(workload)
     taken = timing.interleaved(
         {
-            "kernel": lambda: workload.roll(vehicle_track),
+            "kernel": lambda: workload.simulate(vehicle_track),
             "lsoda": lambda: [_solved(vehicle_track, workload, cell).peak_by_lsoda(1e-6) for cell in sample],
         },
         repetitions,

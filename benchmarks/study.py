@@ -51,12 +51,12 @@ class Study:
         """Return the number of passages of all welds."""
         return len(self.welds) * len(self.speeds_kmh) * POSITIONS
 
-    def roll(self, vehicle_track: VehicleTrackModel | None = None, times: int = 1) -> None:
+    def simulate(self, vehicle_track: VehicleTrackModel | None = None, times: int = 1) -> None:
         """Simulate every passage so many times, in one stream, by the simulator's own model or another."""
-        rolled = (vehicle_track or self.simulator.vehicle_track).peak_maps(
+        simulated = (vehicle_track or self.simulator.vehicle_track).peak_maps(
             times * list(self.wheel_paths.values()), self.speeds_kmh, self.positions_m
         )
-        list(rolled)
+        list(simulated)
 
 
 def study(engine: str = "common-poles") -> Study:

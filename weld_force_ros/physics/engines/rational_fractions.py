@@ -123,7 +123,7 @@ class RfpModel:
 
 @dataclass(frozen=True)
 class SmoothRail:
-    """A wheel that rolls for ever over smooth rail, with a linear contact.
+    """A wheel in its periodic state on smooth rail, with a linear contact.
 
     Attributes:
         growth: (n_speed,), of a disturbance from span to span; below 1 every passage is bounded.

@@ -56,7 +56,7 @@ _CHECKED = (tuple(float(v) for v in range(10, 310, 10)), (0.03, 0.1, 0.2, 0.4, 0
 
 
 class Wheel(Protocol):
-    """What a fit needs to know of the wheel that rolls over the track."""
+    """A wheel as fits need to know it."""
 
     @property
     def mass_kg(self) -> float: ...  # noqa: D102
@@ -167,12 +167,12 @@ class FitTask:
     ) -> tuple[float, float, float]:
         steps = STEPS_PER_SECTION * len(model.denominator)
         poles = model.poles(np.arange(steps) * (model.spacing_m / steps))
-        rolling = [
+        smooth_rails = [
             smooth_rail(model, self.wheel.mass_kg, k * self.wheel.contact_stiffness_n_per_m, speeds_kmh)
             for k in stiffness
         ]
-        growth = max(float(rail.growth.max()) for rail in rolling)
-        swing = rolling[list(stiffness).index(1.0)].swing
+        growth = max(float(rail.growth.max()) for rail in smooth_rails)
+        swing = smooth_rails[list(stiffness).index(1.0)].swing
         return (
             float(poles.real.max()) / model.scale_rad_s + _LEAST_DECAY,
             float(np.log(growth)) + _LEAST_SHRINKAGE,
