@@ -30,11 +30,12 @@ print(time.perf_counter() - began)
 _FIRST_RESULT = f"""
 import time
 laps = [time.perf_counter()]
-from weld_force_ros import assess, profiles
+from weld_force_ros.measurement import profile_file
+from weld_force_ros.simulation.settings import parse_speeds, simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
 laps.append(time.perf_counter())
-speeds_kmh = assess.parse_speeds({SPEEDS!r})
-simulator = assess.Simulator(assess.simulation_settings(speeds_kmh=speeds_kmh, positions={POSITIONS}))
-profile = profiles.read_profile(profiles.find({_WELD!r}))
+simulator = Simulator(simulation_settings(speeds_kmh=parse_speeds({SPEEDS!r}), positions={POSITIONS}))
+profile = profile_file.read_profile(profile_file.find({_WELD!r}))
 laps.append(time.perf_counter())
 simulator.force_map(profile)
 laps.append(time.perf_counter())
