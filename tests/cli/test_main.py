@@ -142,6 +142,49 @@ def test_replay_without_verify_prints_the_verdicts_computed_again(capfd):
     assert {decode(Verdict, line).weld_id for line in lines} == set(shipped())
 
 
+@pytest.mark.parametrize("arguments", [["verify"], ["--verify"]], ids=["command", "flag"])
+def test_replay_verifies_by_command_and_by_the_flag_of_the_last_release(capfd, arguments):
+    code, lines, err = run(capfd, "replay", *arguments, str(BAG_OF_1_1), "--json", "-")
+    assert code == 0
+    assert [json.loads(line)["equal"] for line in lines] == [True] * 18
+    assert ("the old spelling goes" in err) == (arguments == ["--verify"])
+
+
+def test_replay_what_if_is_a_command_with_options_of_its_own(capfd):
+    code, lines, err = run(capfd, "replay", "what-if", str(BAG_OF_1_1), "--speeds", "60,80", "--json", "-")
+    assert (code, len(lines)) == (0, 9)
+    assert "old spelling" not in err
+    assert "What if: --speeds 60,80" in err
+    assert run(capfd, "replay", "what-if", str(BAG_OF_1_1))[0] == 2
+
+
+@pytest.mark.parametrize("option", ["--uncertainty-samples", "--uncertainty"])
+def test_samples_are_asked_for_in_the_new_spelling_and_in_the_old(capfd, option):
+    code, lines, err = run(capfd, "simulate", "weld-1-dip", *QUICK, option, "2", "--json", "-")
+    assert code == 0
+    assert len(decode(ForceMap, lines[0]).spread.support_factor) == 2
+    assert ("--uncertainty is now spelt --uncertainty-samples" in err) == (option == "--uncertainty")
+
+
+def test_old_spellings_are_not_in_the_help(capfd):
+    for command in (["simulate"], ["up"], ["replay", "verdicts"]):
+        help_text = " ".join(run(capfd, *command, "--help")[1])
+        assert not any(f" {old} " in help_text for old in ("--uncertainty", "--unknown", "--verify", "--what-if"))
+
+
+def test_option_groups_show_each_option_once_and_arrive_as_objects(capfd):
+    for command in ("simulate", "grind", "up"):
+        help_text = " ".join(run(capfd, command, "--help")[1])
+        assert all(help_text.count(f"{option} <") == 1 for option in ("--track", "--speeds", "--wheel-mass"))
+
+
+def test_benchmarks_are_said_to_need_a_clone_where_there_is_none(capfd, tmp_path, monkeypatch):
+    monkeypatch.setattr("weld_force_ros.__file__", str(tmp_path / "site-packages" / "weld_force_ros" / "__init__.py"))
+    code, lines, err = run(capfd, "bench", "--quick")
+    assert (code, lines, err.count("\n")) == (2, [], 1)
+    assert "in a clone" in err
+
+
 def test_bag_info_counts_what_the_demo_recorded(capfd):
     code, lines, _ = run(capfd, "bag", "info", str(BAG), "--json", "-")
     (found,) = map(json.loads, lines)

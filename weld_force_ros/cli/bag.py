@@ -23,7 +23,7 @@ Formats = Annotated[list[str] | None, typer.Option("--format", help="Of tables: 
 
 @app.command("info")
 def bag_info(bag: BagPath, json: Json = None) -> None:
-    """What a recording holds, what state it is in, and how its measurements ended."""
+    """Show what a recording holds, its state, and how its measurements ended."""
     from weld_force_ros.cli import terminal
     from weld_force_ros.recording import count_outcomes, open_bag
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from msgspec.structs import replace
-from typer.core import TyperGroup
 
 from weld_force_ros.cli import json_output
+from weld_force_ros.cli.options import Json, group_with_default
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,17 +23,8 @@ if TYPE_CHECKING:
     from weld_force_ros.campaign.query import Answer
 
 
-class _RunsByDefault(TyperGroup):
-    """`campaign FILE` is `campaign run FILE`."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        if args and args[0] not in self.commands and args[0] not in ("--help", "-h"):
-            args = ["run", *args]
-        return super().parse_args(ctx, args)
-
-
 app = typer.Typer(
-    cls=_RunsByDefault,
+    cls=group_with_default("run"),
     help="The welds of a whole network on Dask: `campaign FILE.yaml` runs one, `campaign query` asks its results.",
     rich_markup_mode=None,
     no_args_is_help=True,
@@ -46,7 +37,6 @@ _SHOWN = 30
 
 File = Annotated[Path, typer.Argument(metavar="CAMPAIGN.yaml", help="What to assess, and how.")]
 Out = Annotated[Path | None, typer.Option("--out", "-o", help="Folder for the results (default: the file's own).")]
-Json = Annotated[str | None, typer.Option("--json", metavar="FILE|-", help="Write JSON lines to a file or stdout.")]
 Results = Annotated[Path, typer.Argument(metavar="RESULTS", help="The folder that a campaign wrote.")]
 Show = Annotated[int, typer.Option(min=0, help="Rows shown at most.")]
 Workers = Annotated[
@@ -148,7 +138,7 @@ def _tell(title: str, answer: "Answer", at_most: int, json: str | None) -> None:
 
 
 def _module(name: str) -> Any:
-    """A module of the campaign.
+    """Import a module of the campaign.
 
     Raises:
         InputError: what it needs is not installed.
@@ -247,7 +237,7 @@ class _Progress:
         self._task = self.bar.add_task("", total=welds, completed=before, rate=0.0)
 
     def add(self, record: "BatchRecord") -> None:
-        """A batch is finished."""
+        """Count a finished batch."""
         from weld_force_ros.cli import terminal
 
         self._done += record.welds

@@ -1,12 +1,13 @@
-"""`weld-force grind`: the least removal of metal that brings measured welds within their limits."""
+"""Run `weld-force grind`: the minimum grinding that brings measured welds within their limits."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from weld_force_ros.cli import json_output
-from weld_force_ros.cli.options import EngineName, Json, Limits, Positions, Speeds, Track
+from weld_force_ros.cli.options import Json, Limits, Plot, Profiles, SimulationOptions, with_option_groups
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,24 +17,29 @@ if TYPE_CHECKING:
 _MM, _MM2, _KN = 1e3, 1e6, 1e-3
 
 
+@dataclass(frozen=True)
+class GrinderOptions:
+    """The grinder's capabilities."""
+
+    band_limit_m: Annotated[float, typer.Option("--band-limit", help="Shortest wavelength that is ground, m.")] = 0.10
+    stone_radius_m: Annotated[float, typer.Option("--stone-radius", help="Of the grinding stone, m.")] = 0.15
+
+
+@with_option_groups()
 def grind(
-    profiles: Annotated[list[str], typer.Argument(help="Profile files, or names of shipped profiles.")],
-    track: Track = "bilbao",
-    engine: EngineName = "common-poles",
-    speeds: Speeds = "20:300:5",
-    positions: Positions = "15",
+    profiles: Profiles,
+    simulation: SimulationOptions,
+    grinder: GrinderOptions,
     limits: Limits = None,
-    band_limit: Annotated[float, typer.Option("--band-limit", help="Shortest wavelength that is ground, m.")] = 0.10,
-    stone_radius: Annotated[float, typer.Option("--stone-radius", help="Of the grinding stone, m.")] = 0.15,
     json: Json = None,
-    plot: Annotated[Path | None, typer.Option(help="Picture of each weld (several: a number is added).")] = None,
+    plot: Plot = None,
 ) -> None:
-    """The least removal of metal that brings welds within their limits, rolled again by the reference engine."""
+    """Search the minimum grinding that brings welds within their limits, and check it by the reference engine."""
     from weld_force_ros.cli import terminal
     from weld_force_ros.measurement.profile_file import find, read_profile
     from weld_force_ros.report import figures
 
-    adviser = _adviser(track, engine, speeds, positions, limits, band_limit, stone_radius)
+    adviser = _adviser(simulation, grinder, limits)
     welds = [read_profile(find(name)) for name in profiles]
     found = []
     with json_output.lines(json) as out, terminal.progress() as bar:
@@ -47,7 +53,7 @@ def grind(
                 picture = plot if len(welds) == 1 else plot.with_stem(f"{plot.stem}-{number}")
                 figures.save(figures.grinding(advice), picture)
     terminal.table(
-        "Least removal of metal",
+        "Minimum grinding",
         [
             ("weld", ""), ("decision", ""), ("deepest mm", "right"), ("area mm²", "right"), ("peak kN", "right"),
             ("reference kN", "right"), ("s", "right"), ("what to do", ""),
@@ -58,31 +64,15 @@ def grind(
         raise typer.Exit(1)
 
 
-def _adviser(
-    track: str,
-    engine: str,
-    speeds: str,
-    positions: str,
-    limits: Path | None,
-    band_limit_m: float,
-    stone_radius_m: float,
-) -> "Adviser":
+def _adviser(simulation: SimulationOptions, grinder: GrinderOptions, limits: Path | None) -> "Adviser":
     from weld_force_ros.assessment.grinding import Adviser
     from weld_force_ros.assessment.grinding_search import Grinder
     from weld_force_ros.assessment.limits import load_limits
     from weld_force_ros.cli import terminal
-    from weld_force_ros.simulation.settings import parse_positions, parse_speeds, simulation_settings
 
-    if not 0.01 <= band_limit_m <= 2.0:
-        raise InputError(f"--band-limit {band_limit_m:g} cannot be ground", "give 0.01 to 2 m")
-    settings = simulation_settings(
-        track=track,
-        engine=engine,
-        speeds_kmh=parse_speeds(speeds),
-        positions=parse_positions(positions),
-    )
-    grinder = Grinder(band_limit_m=band_limit_m, stone_radius_m=stone_radius_m)
-    return Adviser(settings, load_limits(limits), grinder, on_fit=terminal.say)
+    if not 0.01 <= grinder.band_limit_m <= 2.0:
+        raise InputError(f"--band-limit {grinder.band_limit_m:g} cannot be ground", "give 0.01 to 2 m")
+    return Adviser(simulation.settings(), load_limits(limits), Grinder(**vars(grinder)), on_fit=terminal.say)
 
 
 def _row(advice: "GrindingAdvice") -> tuple[str, ...]:

@@ -1,37 +1,190 @@
-"""Options that several commands of `weld-force` share, and the way to the ROS side."""
+"""Options that several commands share, once each; groups of them arrive at a command as one object."""
 
+import copy
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
+from functools import wraps
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
+from typer.core import TyperGroup
 
+from weld_force_ros.cli.standard_error import note_old_spelling
 from weld_force_ros.errors import InputError
 
-Track = Annotated[str, typer.Option(help="A shipped track or the path of a track file (YAML).")]
-EngineName = Annotated[str, typer.Option(help="How the track is represented in time.")]
-Speeds = Annotated[str, typer.Option(help="FIRST:LAST:STEP or a list such as 40,80, in km/h.")]
-Positions = Annotated[str, typer.Option(help="N equal steps over the span, or metres after the sleeper: 0.15,0.30.")]
-WheelMass = Annotated[float | None, typer.Option("--wheel-mass", help="Half a wheelset, kg (default: the track's).")]
-StaticLoad = Annotated[float | None, typer.Option("--static-load", help="Static wheel load, N.")]
-WheelRadius = Annotated[float | None, typer.Option("--wheel-radius", help="Rolling radius, m.")]
-Hertz = Annotated[float | None, typer.Option("--hertz", help="Hertz constant, N/m^1.5.")]
-Samples = Annotated[
-    int | None, typer.Option("--uncertainty", help="Samples of what is not known, such as 200: probabilities.")
-]
-Unknown = Annotated[Path | None, typer.Option("--unknown", help="What is not known (YAML; default: the shipped one).")]
+if TYPE_CHECKING:
+    from weld_force_ros.measurement.profile_file import PlainForm
+    from weld_force_ros.messages import SimulationSettings, Uncertainty
+
+Track = Annotated[str, typer.Option(help="A bundled track or the path of a track file (YAML).")]
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE|-", help="Write JSON lines to a file or stdout.")]
-Limits = Annotated[Path | None, typer.Option(help="Limits file (YAML; default: the shipped, unverified ones).")]
+Limits = Annotated[Path | None, typer.Option(help="Limits file (YAML; default: the bundled, unverified ones).")]
 BagPath = Annotated[Path, typer.Argument(help="A bag folder or an .mcap file.")]
-XUnit = Annotated[str | None, typer.Option("--x-unit", help="For plain text files: m, cm, mm or um.")]
-ZUnit = Annotated[str | None, typer.Option("--z-unit", help="For plain text files: m, cm, mm or um.")]
-ZPositive = Annotated[str | None, typer.Option("--z-positive", help="For plain text files: up or down.")]
-Spacing = Annotated[float | None, typer.Option(help="For files with heights only: sample spacing in --x-unit.")]
-SkipRows = Annotated[int, typer.Option("--skip-rows", help="For plain text files: lines to skip at the top.")]
+Profiles = Annotated[list[str], typer.Argument(help="Profile files, or names of bundled profiles.")]
+Plot = Annotated[Path | None, typer.Option(help="Picture of each weld (several: a number is added).")]
+
+
+@dataclass(frozen=True)
+class SimulationOptions:
+    """What is simulated; None stands for a command's own default, or that of a parameter file."""
+
+    track: Annotated[
+        str | None, typer.Option(help="A bundled track or the path of a track file (YAML); default: bilbao.")
+    ] = None
+    engine: Annotated[str | None, typer.Option(help="How the track is represented in time; default: common-poles.")] = (
+        None
+    )
+    speeds: Annotated[
+        str | None, typer.Option(help="FIRST:LAST:STEP or a list such as 40,80, in km/h; default: 20:300:5.")
+    ] = None
+    positions: Annotated[
+        str | None,
+        typer.Option(help="N equal steps over the span, or metres after the sleeper: 0.15,0.30; default: 15."),
+    ] = None
+    wheel_mass_kg: Annotated[
+        float | None, typer.Option("--wheel-mass", help="Half a wheelset, kg; default: the track's.")
+    ] = None
+    static_load_n: Annotated[float | None, typer.Option("--static-load", help="Static wheel load, N.")] = None
+    wheel_radius_m: Annotated[float | None, typer.Option("--wheel-radius", help="Rolling radius, m.")] = None
+    hertz_n_per_m15: Annotated[float | None, typer.Option("--hertz", help="Hertz constant, N/m^1.5.")] = None
+
+    def settings(self, uncertainty: "Uncertainty | None" = None) -> "SimulationSettings":
+        """Return complete settings, with the defaults of `weld_force_ros.simulation.settings`.
+
+        Raises:
+            InputError: anything that cannot be simulated.
+        """
+        from weld_force_ros.simulation.settings import parse_positions, parse_speeds, simulation_settings
+
+        given: dict[str, Any] = {name: value for name, value in vars(self).items() if value is not None}
+        if self.speeds is not None:
+            given["speeds_kmh"] = parse_speeds(given.pop("speeds"))
+        if self.positions is not None:
+            given["positions"] = parse_positions(self.positions)
+        return simulation_settings(**given, uncertainty=uncertainty)
+
+
+@dataclass(frozen=True)
+class UncertaintyOptions:
+    """Monte-Carlo samples of what is uncertain."""
+
+    uncertainty_samples: Annotated[
+        int | None, typer.Option(help="Monte-Carlo samples of what is uncertain, such as 200: probabilities.")
+    ] = None
+    uncertainty_file: Annotated[
+        Path | None, typer.Option(help="What is uncertain, and how much (YAML; default: the bundled file).")
+    ] = None
+    uncertainty: Annotated[int | None, typer.Option("--uncertainty", hidden=True)] = None
+    unknown: Annotated[Path | None, typer.Option("--unknown", hidden=True)] = None
+
+    @property
+    def samples(self) -> int | None:
+        """Number of samples, by either spelling of the option."""
+        if self.uncertainty is not None:
+            note_old_spelling("--uncertainty", "--uncertainty-samples")
+        return self.uncertainty if self.uncertainty_samples is None else self.uncertainty_samples
+
+    @property
+    def file(self) -> Path | None:
+        """File of what is uncertain, by either spelling of the option."""
+        if self.unknown is not None:
+            note_old_spelling("--unknown", "--uncertainty-file")
+        return self.uncertainty_file or self.unknown
+
+    def uncertainty_of_settings(self) -> "Uncertainty | None":
+        """Return what is drawn, or None if no samples are asked for.
+
+        Raises:
+            InputError: the file cannot be used.
+        """
+        from weld_force_ros.simulation.settings import load_uncertainty
+
+        return load_uncertainty(self.samples or 0, self.file)
+
+
+@dataclass(frozen=True)
+class PlainTextOptions:
+    """The form of plain text files, which do not state it."""
+
+    x_unit: Annotated[str | None, typer.Option(help="For plain text files: m, cm, mm or um.")] = None
+    z_unit: Annotated[str | None, typer.Option(help="For plain text files: m, cm, mm or um.")] = None
+    z_positive: Annotated[str | None, typer.Option(help="For plain text files: up or down.")] = None
+    spacing: Annotated[float | None, typer.Option(help="For files with heights only: sample spacing in --x-unit.")] = (
+        None
+    )
+
+    def form(self, skip_rows: int) -> "PlainForm | None":
+        """Return the form that is stated, or None if none is."""
+        from weld_force_ros.measurement.profile_file import PlainForm
+
+        stated = vars(self)
+        return PlainForm(**stated, skip_rows=skip_rows) if any(v is not None for v in stated.values()) else None
+
+
+def with_option_groups(*hidden: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Decorate a command whose parameters may be option groups: dataclasses whose fields are Typer's options.
+
+    The command line shows the options one by one, the command gets one object a group.
+
+    Args:
+        hidden: groups whose options are left out of the help.
+    """
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        hints = get_type_hints(command, include_extras=True)
+        groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
+        parameters = []
+        for name, parameter in inspect.signature(command).parameters.items():
+            if name not in groups:
+                parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=hints[name]))
+                continue
+            options = get_type_hints(groups[name], include_extras=True)
+            parameters += [
+                inspect.Parameter(
+                    field.name,
+                    inspect.Parameter.KEYWORD_ONLY,
+                    default=field.default,
+                    annotation=_hidden(options[field.name]) if name in hidden else options[field.name],
+                )
+                for field in fields(groups[name])
+            ]
+
+        @wraps(command)
+        def run(**given: Any) -> Any:
+            for name, kind in groups.items():
+                given[name] = kind(**{field.name: given.pop(field.name) for field in fields(kind)})
+            return command(**given)
+
+        run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+        return run
+
+    return decorate
+
+
+def _hidden(annotated: Any) -> Any:
+    option = copy.copy(annotated.__metadata__[0])
+    option.hidden = True
+    return Annotated[annotated.__origin__, option]
+
+
+def group_with_default(default: str) -> type[TyperGroup]:
+    """Return a group of commands in which `group ARGUMENT` is `group DEFAULT ARGUMENT`."""
+
+    class Group(TyperGroup):
+        def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+            if args and args[0] not in self.commands and args[0] not in ("--help", "-h"):
+                args = [default, *args]
+            return super().parse_args(ctx, args)
+
+    return Group
 
 
 def ros_module(name: str) -> Any:
-    """A module of the ROS side.
+    """Import a module of the ROS side.
 
     Raises:
         InputError: there is no ROS; says how to get it.

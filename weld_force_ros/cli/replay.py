@@ -1,89 +1,139 @@
-"""`weld-force replay`: a recording computed again without ROS, or played onto a live ROS graph."""
+"""Run `weld-force replay`: a recording computed again without ROS, or played onto a live ROS graph."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from weld_force_ros.cli import json_output
-from weld_force_ros.cli.options import BagPath, Json, ros_module
-from weld_force_ros.errors import InputError
+from weld_force_ros.cli.options import BagPath, Json, group_with_default, ros_module, with_option_groups
+from weld_force_ros.cli.standard_error import note_old_spelling
+from weld_force_ros.errors import InputError, WeldForceError
 
 if TYPE_CHECKING:
     from weld_force_ros.recording.recording import Recording
     from weld_force_ros.recording.what_if import Changed
 
 
-def replay(
+app = typer.Typer(
+    cls=group_with_default("verdicts"),
+    help="Compute a recording again, without ROS: `replay BAG` shows its verdicts, `replay verify BAG` compares them; "
+    "or play it onto a live ROS graph with `replay publish BAG`.",
+    rich_markup_mode=None,
+    no_args_is_help=True,
+)
+
+
+@dataclass(frozen=True)
+class Change:
+    """What is other than recorded."""
+
+    track: Annotated[str | None, typer.Option(help="Another track; the wheel stays.")] = None
+    speeds: Annotated[str | None, typer.Option(help="Other speeds, as in simulate.")] = None
+    engine: Annotated[str | None, typer.Option(help="Another engine.")] = None
+    limits: Annotated[Path | None, typer.Option(help="Another limits file.")] = None
+
+
+@dataclass(frozen=True)
+class Playback:
+    """How a recording is played."""
+
+    rate: Annotated[float | None, typer.Option(help="Times as fast, 0.1 to 100 (default: 1).")] = None
+    start_offset: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS", help="Start so long after the first message; latched ones before it come at once."
+        ),
+    ] = None
+    loop: Annotated[bool | None, typer.Option("--loop", help="Start again at the end.")] = None
+    topics: Annotated[str | None, typer.Option(help="Only these, such as weld_profile,verdict.")] = None
+    clock: Annotated[
+        bool | None, typer.Option("--clock/--no-clock", help="Publish the recorded time on /clock (default: yes).")
+    ] = None
+
+
+@app.command("verdicts")
+@with_option_groups("change", "playback")
+def show_again(
     bag: BagPath,
-    verify: Annotated[bool, typer.Option("--verify", help="Compare with what was recorded; exit 1 if it differs.")]
-    = False,
-    what_if: Annotated[bool, typer.Option("--what-if", help="Under other settings: which verdicts change.")]
-    = False,
-    publish: Annotated[bool, typer.Option("--publish", help="Play it onto a live ROS graph (this machine's, unless "
-                                          "ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise) until its end or a signal.")]
-    = False,
-    track: Annotated[str | None, typer.Option(help="With --what-if: another track; the wheel stays.")] = None,
-    speeds: Annotated[str | None, typer.Option(help="With --what-if: other speeds, as in simulate.")] = None,
-    engine: Annotated[str | None, typer.Option(help="With --what-if: another engine.")] = None,
-    limits: Annotated[Path | None, typer.Option(help="With --what-if: another limits file.")] = None,
-    rate: Annotated[float | None, typer.Option(help="With --publish: times as fast, 0.1 to 100 (default: 1).")] = None,
-    start_offset_s: Annotated[float | None, typer.Option("--start-offset", metavar="SECONDS", help="With --publish: "
-                              "start so long after the first message; latched ones before it come at once.")] = None,
-    loop: Annotated[bool | None, typer.Option("--loop", help="With --publish: start again at the end.")] = None,
-    topics: Annotated[str | None, typer.Option(help="With --publish: only these, such as weld_profile,verdict.")]
-    = None,
-    clock: Annotated[bool | None, typer.Option("--clock/--no-clock", help="With --publish: publish the recorded time "
-                                               "on /clock (default: yes).")] = None,
+    change: Change,
+    playback: Playback,
+    verify: Annotated[bool, typer.Option("--verify", hidden=True)] = False,
+    what_if: Annotated[bool, typer.Option("--what-if", hidden=True)] = False,
+    publish: Annotated[bool, typer.Option("--publish", hidden=True)] = False,
     json: Json = None,
-) -> None:  # fmt: skip
-    """Compute a recording again, without ROS; or play it onto a live ROS graph."""
-    purposes = {"--verify": verify, "--what-if": what_if, "--publish": publish}
-    asked = [name for name, given in purposes.items() if given]
-    if len(asked) > 1:
-        raise InputError(f"{' and '.join(asked)} exclude each other", "give one of them")
-    changes = {"track": track, "speeds": speeds, "engine": engine, "limits": limits}
-    options: dict[str, Any] = {
-        "rate": rate,
-        "start_offset": start_offset_s,
-        "loop": loop,
-        "topics": topics,
-        "clock": clock,
-    }
+) -> None:
+    """Compute a recording's verdicts again and show them: what `replay BAG` does."""
+    flags = {"--verify": verify, "--what-if": what_if, "--publish": publish}
+    given = [name for name, is_given in flags.items() if is_given]
+    if len(given) > 1:
+        raise InputError(f"{' and '.join(given)} exclude each other", "give one of them")
     if not what_if:
-        _refuse(changes, "changes what was recorded", "add --what-if")
+        _refuse(change, "changes what was recorded", "add --what-if")
     if not publish:
-        _refuse(options, "says how to play a recording", "add --publish")
-        _compute(bag, verify, changes if what_if else None, json)
+        _refuse(playback, "says how to play a recording", "add --publish")
     elif json is not None:
         raise InputError("--publish has no result to write as JSON", "leave out --json")
-    else:
-        _publish(bag, **options)
+    try:
+        if publish:
+            _publish(bag, playback)
+        elif what_if:
+            _what_if(bag, change, json)
+        else:
+            _compute(bag, verify, json)
+    except WeldForceError:  # one line by itself
+        raise
+    except typer.Exit:
+        _note_flags(given)
+        raise
+    _note_flags(given)
 
 
-def _refuse(options: dict[str, Any], reason: str, remedy: str) -> None:
-    for name, value in options.items():
+def _note_flags(given: list[str]) -> None:
+    for name in given:
+        note_old_spelling(f"`replay BAG {name}`", f"`replay {name.removeprefix('--')} BAG`")
+
+
+@app.command()
+def verify(bag: BagPath, json: Json = None) -> None:
+    """Compute every force map and verdict again and compare; exit code 1 if anything differs."""
+    _compute(bag, True, json)
+
+
+@app.command("what-if")
+@with_option_groups()
+def what_if(bag: BagPath, change: Change, json: Json = None) -> None:
+    """Compute a recording under other settings: which verdicts change."""
+    _what_if(bag, change, json)
+
+
+@app.command()
+@with_option_groups()
+def publish(bag: BagPath, playback: Playback) -> None:
+    """Play a recording onto a live ROS graph until its end or a signal.
+
+    The graph is this machine's, unless ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise.
+    """
+    _publish(bag, playback)
+
+
+def _refuse(options: Change | Playback, reason: str, remedy: str) -> None:
+    for name, value in vars(options).items():
         if value is not None:
             raise InputError(f"--{name.replace('_', '-')} {reason}", remedy)
 
 
-def _publish(
-    bag: Path,
-    rate: float | None,
-    start_offset: float | None,
-    loop: bool | None,
-    topics: str | None,
-    clock: bool | None,
-) -> None:
+def _publish(bag: Path, given: Playback) -> None:
     from weld_force_ros.cli import terminal
 
     playback, stop_signals = ros_module("playback"), ros_module("launcher").stop_signals
     options = playback.PlaybackOptions(
-        rate=1.0 if rate is None else rate,
-        start_offset_s=start_offset or 0.0,
-        loop=bool(loop),
-        topics=None if topics is None else tuple(topics.split(",")),
-        clock=clock is not False,
+        rate=1.0 if given.rate is None else given.rate,
+        start_offset_s=given.start_offset or 0.0,
+        loop=bool(given.loop),
+        topics=None if given.topics is None else tuple(given.topics.split(",")),
+        clock=given.clock is not False,
     )
     with terminal.progress() as bar, stop_signals() as (stop, _):
         task = bar.add_task("playing, seconds")
@@ -97,25 +147,22 @@ def _publish(
     terminal.say(f"{bag}: {sent} messages played{', then stopped' if stop.is_set() else ''}")
 
 
-def _compute(bag: Path, verify: bool, changes: dict[str, Any] | None, json: str | None) -> None:
+def _opened(bag: Path) -> "Recording":
     from weld_force_ros.cli import terminal
     from weld_force_ros.recording.recording import open_recording
 
     recording = open_recording(bag)
     if recording.damage:
         terminal.say(f"{bag}: {recording.damage}; replaying what is there")
-    if changes is not None:
-        _what_if(recording, changes, json)
-    else:
-        _again(recording, verify, json)
+    return recording
 
 
-def _again(recording: "Recording", verify: bool, json: str | None) -> None:
+def _compute(bag: Path, verify: bool, json: str | None) -> None:
     from weld_force_ros.cli import terminal
     from weld_force_ros.messages import Verdict
     from weld_force_ros.recording.replay import replay as replayed
 
-    results = []
+    recording, results = _opened(bag), []
     with json_output.lines(json) as out, terminal.progress() as bar:
         task = bar.add_task("replaying", total=len(recording.force_maps))
         for result in replayed(recording, on_result=lambda: bar.advance(task)):
@@ -138,15 +185,18 @@ def _again(recording: "Recording", verify: bool, json: str | None) -> None:
         raise typer.Exit(1)
 
 
-def _what_if(recording: "Recording", given: dict[str, Any], json: str | None) -> None:
+def _what_if(bag: Path, given: Change, json: str | None) -> None:
     from weld_force_ros.cli import terminal
-    from weld_force_ros.recording.what_if import Changed, NotComputed, latest_verdicts, read_change, what_if
+    from weld_force_ros.recording import what_if as computed_again
+    from weld_force_ros.recording.what_if import Changed, NotComputed, latest_verdicts, read_change
 
-    change = read_change(**given)
+    recording, change = _opened(bag), read_change(**vars(given))
     changed, not_computed = [], []
     with json_output.lines(json) as out, terminal.progress() as bar:
         task = bar.add_task("replaying", total=len(latest_verdicts(recording)))
-        for result in what_if(recording, change, on_result=lambda: bar.advance(task), on_fit=terminal.say):
+        for result in computed_again.what_if(
+            recording, change, on_result=lambda: bar.advance(task), on_fit=terminal.say
+        ):
             match result:
                 case Changed():
                     changed.append(result)
@@ -154,7 +204,7 @@ def _what_if(recording: "Recording", given: dict[str, Any], json: str | None) ->
                 case NotComputed():
                     not_computed.append(result)
                     json_output.write(out, result)
-    options = " ".join(f"--{name} {value}" for name, value in given.items() if value is not None)
+    options = " ".join(f"--{name} {value}" for name, value in vars(given).items() if value is not None)
     terminal.show_changed(f"What if: {options}", changed)
     for missing in not_computed:
         terminal.say(f"NOT COMPUTED {missing.weld_id}: {missing.reason}")

@@ -30,7 +30,7 @@ Restrict = Annotated[
 
 
 def show(bag: BagPath, weld: Named = None, restrict: Restrict = None, json: Json = None) -> None:
-    """The welds of a recording, the worst first, and of one its force over speed, its criteria and advice."""
+    """Show the welds of a recording, the worst first; of one weld its force over speed, criteria and advice."""
     from weld_force_ros.cli import terminal
     from weld_force_ros.recording.weld_records import WeldRecord
 
@@ -70,7 +70,7 @@ def _read(bag: Path) -> "list[Record]":
 
 
 def _last_of(name: str, welds: "Sequence[WeldRecord]", bag: Path) -> "WeldRecord":
-    """The weld of a name, as it was judged last."""
+    """Return the weld of a name, as it was judged last."""
     found = [one for one in welds if one.verdict.weld_id == name]
     if found:
         return max(found, key=lambda one: (one.verdict.stamp.sec, one.verdict.stamp.nanosec))
@@ -127,7 +127,7 @@ def _quantity(value: float, unit: str) -> str:
 
 
 def _under_restriction(weld: "WeldRecord", kmh: float) -> "Verdict | str":
-    """The verdict if nothing ran faster, or why there is none."""
+    """Return the verdict under a speed restriction, or why there is none."""
     from msgspec.structs import replace
 
     from weld_force_ros.assessment.judge import judge

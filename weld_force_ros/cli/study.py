@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from weld_force_ros.cli import json_output
+from weld_force_ros.cli.options import Json
 
 if TYPE_CHECKING:
     from weld_force_ros.studies.gallery import RenderedStudy
@@ -21,7 +22,6 @@ Out = Annotated[Path, typer.Option(help="Folder for figures, data, and what a se
 Profile = Annotated[Path | None, typer.Option(help="A weld of your own in place of the paper's.")]
 OwnTrack = Annotated[str | None, typer.Option("--track", help="A track in place of the paper's: shipped, or a file.")]
 Quick = Annotated[bool, typer.Option("--quick", help="A third of the speeds and positions, to see whether it works.")]
-Json = Annotated[str | None, typer.Option("--json", metavar="FILE|-", help="Write JSON lines to a file or stdout.")]
 
 # The names and the order of `studies.paper_studies.STUDIES`, which is not imported before a command runs.
 _SUMMARIES = {

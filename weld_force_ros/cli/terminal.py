@@ -33,7 +33,7 @@ def say(text: str) -> None:
 
 
 def progress() -> Progress:
-    """A progress bar that leaves nothing behind, and shows nothing where nobody looks."""
+    """Return a progress bar that leaves nothing behind, and shows nothing without a terminal."""
     return Progress(
         SpinnerColumn(),
         TextColumn("{task.description}"),
@@ -58,7 +58,7 @@ def table(title: str, columns: Iterable[tuple[str, str]], rows: Iterable[Iterabl
 
 
 def show_table(found: Table) -> None:
-    """A study's table; numbers to the right."""
+    """Print a study's table, numbers to the right."""
     shown = [(i, column) for i, column in enumerate(found.columns) if column.heading]
     texts = [any(isinstance(row[i], str) for row in found.rows) for i, _ in shown]
     table(
@@ -170,12 +170,12 @@ def _numbered(changed: list["Changed"]) -> Iterator[tuple[str, "Changed"]]:
 
 
 def decision(of: Decision) -> Text:
-    """A decision as it stands in tables."""
+    """Return a decision as tables show it."""
     return Text(of.upper(), style=f"bold {_COLOURS[of]}")
 
 
 def unusable() -> Text:
-    """What stands in tables for an input that could not be used."""
+    """Return what tables show for an input that could not be used."""
     return Text("UNUSABLE", style="bold magenta")
 
 
@@ -184,7 +184,7 @@ def _decisions(was: Verdict, now: Verdict) -> Text:
 
 
 def show_limits(limits: Iterable[Limit]) -> None:
-    """The limits in force, and which of them nobody has verified."""
+    """Print the limits applied, and which of them are not verified."""
     table(
         "Limits in force",
         [("criterion", ""), ("grind above", "right"), ("reject above", "right"), ("unit", ""), ("source", "")],
