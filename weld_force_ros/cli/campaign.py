@@ -54,7 +54,7 @@ def run(
     page: Annotated[bool, typer.Option("--page/--no-page", help="Write the summary page.")] = True,
     json: Json = None,
 ) -> None:
-    """Assess all welds of a campaign; interrupted, the same command goes on where it stopped."""
+    """Assess all welds of a campaign; interrupted, the same command continues where it stopped."""
     from weld_force_ros.cli import terminal
 
     campaign = _module("campaign_file").read(file)
@@ -86,7 +86,7 @@ def over(
     show: Show = _SHOWN,
     json: Json = None,
 ) -> None:
-    """Welds over a limit at a speed: of peak force, or the campaign's own for a line of that speed."""
+    """List welds over a limit at a speed: of peak force, or the campaign's own for a line of that speed."""
     _tell(f"Over the limit at {at:g} km/h", _module("query").over(results, at, peak), show, json)
 
 
@@ -98,7 +98,7 @@ def worse(
     show: Show = _SHOWN,
     json: Json = None,
 ) -> None:
-    """Welds that a speed restriction would make worse."""
+    """List welds that a speed restriction would make worse."""
     _tell(f"Worse at {to:g} km/h", _module("query").worse_if_restricted(results, to, by), show, json)
 
 
@@ -110,7 +110,7 @@ def changed(
     show: Show = _SHOWN,
     json: Json = None,
 ) -> None:
-    """Welds that two campaigns decide otherwise, or that only one of them holds."""
+    """List welds that two campaigns decide differently, or that only one of them holds."""
     _tell("Changed", _module("query").changed(before, after, by), show, json)
 
 
@@ -121,7 +121,7 @@ def sql(
     show: Show = _SHOWN,
     json: Json = None,
 ) -> None:
-    """Anything else, in DuckDB's SQL."""
+    """Query anything else, in DuckDB's SQL."""
     _tell("Answer", _module("query").ask(results, text), show, json)
 
 
@@ -152,7 +152,7 @@ def _module(name: str) -> Any:
 
 
 def _planned(plan: "Plan", workers: int) -> "Estimate":
-    """Time a few welds, and say what all of them will take."""
+    """Time a few welds and estimate the time that all of them take."""
     from weld_force_ros.cli import terminal
 
     estimate = _module("estimate")
@@ -208,7 +208,7 @@ def _run(plan: "Plan", out: Path, scheduler: str | None, workers: int) -> "Manif
 
 
 def _assess(plan: "Plan", out: Path, finished: "list[BatchRecord]", scheduler: str | None, workers: int) -> None:
-    """Have what is open assessed, and show how it goes."""
+    """Assess the batches that are not finished, with a progress bar."""
     from weld_force_ros.cli import terminal
 
     running = _module("dask_run")
@@ -269,7 +269,7 @@ def _bar() -> "Progress":
 
 
 def duration(seconds: float) -> str:
-    """`5 s`, `3 min 20 s`, `4 h 07 min`."""
+    """Return a duration as `5 s`, `3 min 20 s` or `4 h 07 min`."""
     minutes, rest = divmod(round(seconds), 60)
     if minutes >= 60:
         return f"{minutes // 60:,} h {minutes % 60:02d} min"

@@ -1,4 +1,4 @@
-"""What a command writes: a text file, and JSON lines to standard output, a file, or nowhere."""
+"""Write a command's results: a text file, and JSON lines to standard output, a file, or nowhere."""
 
 import contextlib
 import sys
@@ -28,7 +28,7 @@ def output_file(path: Path) -> Iterator[IO[str]]:
 
 @contextlib.contextmanager
 def lines(target: str | None) -> Iterator[IO[str] | None]:
-    """Where JSON lines go: standard output for `-`, a file, or nowhere."""
+    """Open the target of JSON lines: standard output for `-`, a file, or nowhere."""
     if target is None:
         yield None
     elif target == "-":
@@ -40,7 +40,7 @@ def lines(target: str | None) -> Iterator[IO[str] | None]:
 
 
 def write(out: IO[str] | None, content: object) -> None:
-    """One line, at once; nothing where nobody listens."""
+    """Write one line at once, or nothing without a target."""
     if out is not None:
         out.write(msgspec.json.encode(content).decode() + "\n")
         out.flush()

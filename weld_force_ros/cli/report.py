@@ -21,7 +21,7 @@ Grinding = Annotated[bool, typer.Option("--grinding", help="Search for the least
 
 
 def report(of: Of, out: Out, pdf: Pdf = None, limits: Limits = None, grinding: Grinding = False) -> None:
-    """One self-contained page of welds: what to do with each and why; usable offline, on a phone and on paper."""
+    """Write one self-contained page of welds: what to do with each and why; usable offline, on a phone and on paper."""
     from weld_force_ros.assessment.limits import load_limits
     from weld_force_ros.cli import terminal
     from weld_force_ros.report.html_page import page
@@ -80,7 +80,7 @@ def _with_grinding(entries: "list[Record]", on_done: Callable[[], None]) -> "lis
 
 
 def _grind() -> "Grind":
-    """Advice on grinding; what a search under the same settings and limits needs is made once."""
+    """Return a function that advises on grinding, one adviser for the same settings and limits."""
     from weld_force_ros.assessment.grinding import Adviser
     from weld_force_ros.cli import terminal
 
@@ -96,7 +96,7 @@ def _grind() -> "Grind":
 
 
 def _refuse_without_browser(pdf: Path) -> None:
-    """Before anything is computed, not after."""
+    """Raise an InputError without a browser, before anything is computed."""
     from weld_force_ros.report.pdf import BROWSER_VARIABLE, find_browser
 
     if find_browser() is None:

@@ -63,7 +63,7 @@ for _name in _SUMMARIES:
 
 @app.command("all")
 def study_all(out: Out, quick: Quick = False, json: Json = None) -> None:
-    """Every study of the paper, its claims judged one by one (claims.json), and all figures on one page."""
+    """Run every study of the paper, judge its claims one by one (claims.json), and put all figures on one page."""
     from weld_force_ros.cli import terminal
     from weld_force_ros.studies import claims, paper_studies, study_context
 
@@ -119,7 +119,7 @@ def study_rail(
     quick: Quick = False,
     json: Json = None,
 ) -> None:
-    """Beam and finite strips: waves, receptances to 5 kHz, peak forces (a minute or two)."""
+    """Compare beam and cross-section: waves, receptances to 5 kHz, peak forces (a minute or two)."""
     from weld_force_ros.cli import terminal
     from weld_force_ros.studies import gallery, rail_study
 

@@ -23,12 +23,12 @@ _COLOURS = {"accept": "green", "grind": "yellow", "reject": "red", "undecided": 
 
 
 def plain(text: str) -> str:
-    """Text without what a terminal would obey: control characters, changes of direction."""
+    """Return text without control characters and changes of direction, which a terminal would obey."""
     return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
 
 
 def say(text: str) -> None:
-    """One plain line; nothing in it is taken for markup."""
+    """Print one plain line; nothing in it is taken for markup."""
     console.print(Text(plain(text)), soft_wrap=True)
 
 
@@ -69,7 +69,7 @@ def show_table(found: Table) -> None:
 
 
 def show_maps(maps: Iterable[ForceMap]) -> None:
-    """One line a force map: its worst passage."""
+    """Print one line a force map: its worst passage."""
     rows = []
     for force_map in maps:
         worst = max(range(len(force_map.peak_force_n)), key=force_map.peak_force_n.__getitem__)
@@ -104,7 +104,7 @@ def _model_error_kn(force_map: ForceMap, peak_n: float) -> str:
 
 
 def show_verdicts(verdicts: Iterable[Verdict], rejections: Iterable[Rejection] = ()) -> None:
-    """One line a weld: the decision first, then why."""
+    """Print one line a weld: the decision first, then why."""
     rows: list[tuple[str | Text, ...]] = []
     for verdict in verdicts:
         failed = ", ".join(c.name for c in verdict.criteria if not c.passed and c.decides)
