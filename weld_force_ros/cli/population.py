@@ -17,7 +17,7 @@ def population(
     seed: Annotated[int, typer.Option(min=0, help="Weld k of a seed is the same in a population of any size.")] = 1,
     json: Annotated[str | None, typer.Option("--json", metavar="FILE|-", help="Say where they are as JSON.")] = None,
 ) -> None:
-    """Write seeded synthetic welds along a line: geometries of the population study, with chainage, speed and position."""
+    """Write seeded synthetic welds along a line: geometries of the population study, chainage, speed, position."""
     from weld_force_ros.campaign.synthetic_network import network
     from weld_force_ros.cli import terminal
 
