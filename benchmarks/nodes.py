@@ -173,7 +173,7 @@ class _Nodes:
 
 @contextmanager
 def _nodes(welds: int) -> Iterator[_Nodes]:
-    """The suite at work, recording; afterwards drained, closed and its recording read.
+    """Run the suite, recording; then drain and close it, and read its recording.
 
     Raises:
         ImportError: there is no ROS.

@@ -15,7 +15,7 @@ WELD = "weld-4-steep-ramp"
 
 
 def take(browser: Any, file: Path, out: Path) -> None:
-    """The table, a weld on a desk, and the same on a phone."""
+    """Take pictures of the table, a weld on a desk, and the same on a phone."""
     desk = browser.new_page(viewport={"width": 1280, "height": 860})
     desk.goto(file.as_uri())
     desk.screenshot(path=out / "report-table.png")
@@ -53,7 +53,7 @@ positions: 5
 
 
 def take_campaign(browser: Any, folder: Path, out: Path) -> None:
-    """The summary that docs/whole-network.md leads to, made as it says there."""
+    """Take a picture of the summary that docs/whole-network.md leads to, made as it says there."""
     (folder / "network.yaml").write_text(CAMPAIGN, encoding="utf-8")
     commands = (["population", "2000", "--out", str(folder / "welds")], ["campaign", str(folder / "network.yaml")])
     if any(weld_force(command) != 0 for command in commands):

@@ -24,6 +24,8 @@ from weld_force_ros.physics.passage.wheel_path import wheel_path_over
 from weld_force_ros.simulation.settings import simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
 
+pytestmark = pytest.mark.slow
+
 SPEEDS = [60.0, 80.0, 100.0, 120.0, 140.0]
 X = np.linspace(-0.2, 0.2, 201)
 LIMIT_N = 125e3

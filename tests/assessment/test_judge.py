@@ -173,6 +173,7 @@ def test_hash_of_settings_follows_their_content_and_not_their_header():
         assert config_sha256(changed) != plain.config_sha256, field
 
 
+@pytest.mark.slow
 def test_settings_alone_replay_the_identical_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(platformdirs, "user_cache_path", lambda name: tmp_path / name)
     path = tmp_path / "mine.yaml"

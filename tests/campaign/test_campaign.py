@@ -37,6 +37,8 @@ from weld_force_ros.errors import InputError
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.simulation.simulator import Simulator
 
+pytestmark = pytest.mark.slow
+
 HOSTILE = "</script><img src=x onerror=alert(1)>"
 CAMPAIGN = """
 name: northern lines

@@ -127,27 +127,26 @@ def test_receptance_is_a_row_major_matrix_of_the_exact_track(capfd):
     assert answer["imag_m_per_n"] == pytest.approx(exact.imag.ravel().tolist())
 
 
-@pytest.mark.parametrize("bag", [BAG, BAG_OF_1_1], ids=lambda bag: bag.name)
-def test_replay_of_the_demos_bags_finds_every_verdict_equal(capfd, bag):
-    code, lines, err = run(capfd, "replay", str(bag), "--verify", "--json", "-")
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("arguments", "old"),
+    [(["verify", str(BAG)], False), ([str(BAG_OF_1_1), "--verify"], True)],
+    ids=["demo", "demo-1.1 by the flag of the last release"],
+)
+def test_replay_of_the_demos_bags_finds_every_verdict_equal(capfd, arguments, old):
+    code, lines, err = run(capfd, "replay", *arguments, "--json", "-")
     results = [json.loads(line) for line in lines]
     assert code == 0, err
     assert sum(r["kind"] == "verdict" for r in results) == len(shipped())
     assert all(r["equal"] for r in results)
+    assert ("the old spelling goes" in err) == old
 
 
+@pytest.mark.slow
 def test_replay_without_verify_prints_the_verdicts_computed_again(capfd):
     code, lines, _ = run(capfd, "replay", str(BAG_OF_1_1), "--json", "-")
     assert code == 0
     assert {decode(Verdict, line).weld_id for line in lines} == set(shipped())
-
-
-@pytest.mark.parametrize("arguments", [["verify"], ["--verify"]], ids=["command", "flag"])
-def test_replay_verifies_by_command_and_by_the_flag_of_the_last_release(capfd, arguments):
-    code, lines, err = run(capfd, "replay", *arguments, str(BAG_OF_1_1), "--json", "-")
-    assert code == 0
-    assert [json.loads(line)["equal"] for line in lines] == [True] * 18
-    assert ("the old spelling goes" in err) == (arguments == ["--verify"])
 
 
 def test_replay_what_if_is_a_command_with_options_of_its_own(capfd):

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 PACKAGE = "weld_force_ros"
 NODES = {"profile_node", "simulator_node", "assessment_node", "trolley_node", "dashboard_node"}

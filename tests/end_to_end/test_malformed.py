@@ -19,6 +19,8 @@ from weld_force_ros.messages import TOPICS, RailSurface, WeldProfile, decode, pr
 from weld_force_ros.ros.sequence_tracker import read_header
 from weld_force_ros.simulation import track_file
 
+pytestmark = pytest.mark.slow
+
 COUNT, SEED = 2_000, 1
 
 

@@ -99,6 +99,7 @@ def split(batch: SampleBatch, parts: Sequence[int]) -> Iterator[tuple[np.ndarray
         yield batch.chainage_m[first:last], batch.height_m[first:last]
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=8)
 @given(
     st.sampled_from(list(RAILS)),
@@ -136,6 +137,7 @@ def test_every_marked_weld_is_captured_once_and_as_it_is(
     assert {profile.weld_id for profile in bench.profiles} == names
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=12)
 @given(st.integers(0, 10_000), st.floats(0.02, 0.4), st.floats(5.0, 40.0))
 def test_whatever_is_lost_every_mark_has_one_outcome(
@@ -158,6 +160,7 @@ class Killed(BaseException):
     """The process ends here."""
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(st.integers(0, 45))
 def test_killed_at_any_step_to_the_disk_a_mark_that_was_accepted_has_one_outcome(
@@ -434,6 +437,7 @@ def test_a_find_that_was_refused_is_not_found_again(bench: Bench):
     assert bench.places_m == pytest.approx([36.0], abs=0.05)
 
 
+@pytest.mark.slow
 def test_the_detector_finds_the_welds_of_a_synthetic_run(bench: Bench):
     rail = SyntheticRail(62.0, 11, level_db=-12.0)
     live = bench.live(detect=True)

@@ -20,6 +20,8 @@ from weld_force_ros.report.html_page import page
 from weld_force_ros.report.table_row import row
 from weld_force_ros.report.weld_detail import detail
 
+pytestmark = pytest.mark.slow
+
 BROWSER = printing.find_browser()
 if BROWSER is None:
     pytest.skip("no Chromium was found on PATH (apt install chromium)", allow_module_level=True)

@@ -152,6 +152,7 @@ def test_plotly_is_packed_and_whole():
     assert gzip.decompress(base64.b64decode(packed)).decode() == get_plotlyjs()
 
 
+@pytest.mark.slow
 def test_five_hundred_welds_of_the_full_grid_stay_within_budget():
     profile = read_profile(find("weld-4-steep-ramp"))
     simulator, limits = Simulator(simulation_settings()), load_limits()

@@ -231,6 +231,7 @@ def test_it_listens_on_this_machine_only(served):
         other.connect(("127.0.0.2", port))
 
 
+@pytest.mark.slow
 def test_too_many_connections_are_turned_away_and_room_comes_again(served):
     port = int(served.url.rstrip("/").rpartition(":")[2])
     held = [socket.create_connection(("127.0.0.1", port), timeout=10) for _ in range(70)]

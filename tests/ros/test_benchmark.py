@@ -10,6 +10,8 @@ import pytest
 from benchmarks import nodes
 from weld_force_ros.recording.recording import Recording, open_recording
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def few_at_once(domain_id: int, monkeypatch: pytest.MonkeyPatch) -> None:

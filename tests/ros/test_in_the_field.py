@@ -23,6 +23,8 @@ from weld_force_ros.ros import contract_topics, qos
 from weld_force_ros.ros.diagnostics import NodeDiagnostics
 from weld_force_ros.ros.node_suite import KINDS, Kind, NodeSuite
 
+pytestmark = pytest.mark.slow
+
 BAD = "# x_unit: mm\nx,z\n0,nonsense\n"
 
 

@@ -22,6 +22,8 @@ from weld_force_ros.ros import qos
 from weld_force_ros.ros.launcher import main, run_node, run_until_signal
 from weld_force_ros.ros.node_suite import NodeSuite
 
+pytestmark = pytest.mark.slow
+
 
 @contextmanager
 def node_process(*arguments: str) -> Iterator[subprocess.Popen[str]]:

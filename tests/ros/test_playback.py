@@ -319,6 +319,7 @@ with Listener(int(sys.argv[1])) as listener:
 """
 
 
+@pytest.mark.slow
 def test_nothing_is_pushed_out_before_a_subscriber_has_it(domain_id: int, tmp_path: Path) -> None:
     """All due at once, far more than the publisher keeps, to another process: within one nothing is ever late."""
     filling = "x" * 200_000
@@ -478,6 +479,7 @@ def replay_command(*arguments: str) -> Iterator[subprocess.Popen[str]]:
             process.kill()
 
 
+@pytest.mark.slow
 def test_signal_ends_the_command_cleanly(listener: Listener, tmp_path: Path) -> None:
     path = write(tmp_path / "bag.mcap", Channel("/map", texts("map", 0, 1)))
     maps = listener.listen("/map")

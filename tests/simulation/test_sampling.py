@@ -42,6 +42,7 @@ def settings(samples: int, track: str = "bilbao-viscous", **changes: float) -> S
     return simulation_settings(track=track, speeds_kmh=SPEEDS, positions=POSITIONS, uncertainty=unknown)
 
 
+@pytest.mark.slow
 def test_samples_are_what_rolling_each_by_itself_gives():
     """Brute force: a track fitted, a wheel made and every passage rolled in full for each sample."""
     chosen = settings(8)

@@ -12,6 +12,8 @@ from weld_force_ros.report.pdf import find_browser
 
 from . import dashboard
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.skipif(find_browser() is None, reason="no Chromium was found on PATH (apt install chromium)")
 def test_rows_come_to_the_page_as_verdicts_are_published(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

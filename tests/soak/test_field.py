@@ -14,6 +14,8 @@ from weld_force_ros.ros.supervisor import Supervisor
 from . import endurance, kills
 from .field import wait_until
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def own_domain(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

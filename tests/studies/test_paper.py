@@ -15,6 +15,8 @@ from weld_force_ros.measurement import profile_file
 from weld_force_ros.studies import claims, paper_studies
 from weld_force_ros.studies.study_context import StudyContext
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def everything(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:

@@ -20,6 +20,8 @@ from weld_force_ros.studies.simulated_population import (
 )
 from weld_force_ros.studies.study_context import StudyContext, StudyResult
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def flats() -> StudyResult:

@@ -11,6 +11,8 @@ from weld_force_ros.physics.track.beam import StripRail
 from weld_force_ros.simulation import section_file, track_file
 from weld_force_ros.studies import rail_study
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def studied(tmp_path_factory):

@@ -18,6 +18,8 @@ from weld_force_ros.studies import claims, passage_records, variants
 from weld_force_ros.studies.band_split import BandSplit
 from weld_force_ros.studies.study_context import BILBAO, CONTINUOUS, Quantities, StudyContext, StudyResult
 
+pytestmark = pytest.mark.slow
+
 STUDIES = ("length", "hertz", "spectrum", "bands")
 UNITS = ("_kmh", "_m", "_n", "_hz", "_m_per_n", "_gn_per_m15")
 WITHOUT_UNIT = ("weld",)

@@ -29,6 +29,8 @@ from weld_force_ros.studies.peak_comparison import ComparedPassage, grouped_diff
 from weld_force_ros.studies.reference_peaks import ReferencePeaks
 from weld_force_ros.studies.result_table import Column, Table
 
+pytestmark = pytest.mark.slow
+
 QUICK_PASSAGES = sum(len(g.shapes) * len(g.speeds_kmh) * g.position_count for g in QUICK_GRIDS)
 FITTED = [engine for engine in ENGINES if engine != "reference"]
 

@@ -28,6 +28,8 @@ from weld_force_ros.studies.result_table import Table
 from weld_force_ros.studies.study_context import BILBAO, StudyContext, StudyResult
 from weld_force_ros.studies.weld_map import standstill
 
+pytestmark = pytest.mark.slow
+
 STUDIES = ("map", "curve", "motion", "increment")
 UNITS = ("_kmh", "_m", "_n", "_s")
 DIMENSIONLESS = {"weld", "kind", "hollow_share", "linearity_r2", "position_spread", "hollow"}

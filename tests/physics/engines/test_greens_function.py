@@ -16,6 +16,8 @@ from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
 from weld_force_ros.simulation import fit_store, track_file
 
+pytestmark = pytest.mark.slow
+
 SMOOTH = WheelPath(0.0, np.zeros(9))
 
 

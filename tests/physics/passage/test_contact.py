@@ -73,6 +73,7 @@ def passages(**environment: str) -> list[np.ndarray]:
     return [np.array(values) for values in json.loads(done.stdout)]
 
 
+@pytest.mark.slow
 def test_compiled_kernel_equals_its_own_python():
     compiled, interpreted = passages(), passages(NUMBA_DISABLE_JIT="1")
     assert compiled[3][0, 0] > 0.0  # the flat at 200 km/h loses contact

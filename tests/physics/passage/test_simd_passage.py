@@ -116,6 +116,7 @@ def test_a_model_remembers_its_tables_and_gives_the_same_again():
     np.testing.assert_array_equal(again.peak_force_n, fresh.peak_force_n)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("processes", [2])
 def test_processes_that_compile_at_once_agree(tmp_path, processes):
     code = (

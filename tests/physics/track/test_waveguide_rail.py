@@ -21,6 +21,8 @@ from weld_force_ros.physics.track.beam import (
 from weld_force_ros.physics.track.supported_rail import SupportedWaves
 from weld_force_ros.simulation import section_file, track_file
 
+pytestmark = pytest.mark.slow
+
 SECTION = section_file.load("60E1").dimensions
 
 

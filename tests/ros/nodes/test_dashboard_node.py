@@ -25,6 +25,8 @@ from weld_force_ros.messages import Verdict, encode
 from weld_force_ros.report.pdf import find_browser
 from weld_force_ros.ros.node_suite import KINDS, Kind, NodeSuite, in_flow_order
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("plotly")
 
 COUNT_REMOVED = """
