@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 # Fits are many small least squares: a second BLAS thread makes them up to twenty times slower on a busy machine.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
@@ -11,6 +12,7 @@ import pytest
 from hypothesis import settings
 
 from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.physics import threads
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
 from weld_force_ros.simulation import fit_store, track_file
@@ -45,3 +47,17 @@ def dip() -> Callable[..., WheelPath]:
         return wheel_path_over(x, cosine_dip(x, length_m, depth_m), 0.45)
 
     return over
+
+
+@pytest.fixture
+def workers_of_pools(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The number of threads of each pool that physics makes, as they are made."""
+    workers: list[int] = []
+    pool = threads.ThreadPoolExecutor
+
+    def noted(count: int) -> ThreadPoolExecutor:
+        workers.append(count)
+        return pool(count)
+
+    monkeypatch.setattr(threads, "ThreadPoolExecutor", noted)
+    return workers

@@ -68,7 +68,9 @@ class Simulator:
         self.vehicle_track: VehicleTrackModel | GreensFunctionModel
         if settings.engine == "reference":
             self.vehicle_track = GreensFunctionModel(definition.track, wheel, threads=threads)
-            self._model_error = acausal(definition.track, self._span_m / 2, threads=threads).floor(wheel.compliance, BAND_HZ)
+            self._model_error = acausal(definition.track, self._span_m / 2, threads=threads).floor(
+                wheel.compliance, BAND_HZ
+            )
         else:
             fit = fit_store.fitted(definition, settings.engine, on_fit=on_fit)
             self.vehicle_track = VehicleTrackModel(fit.model(), wheel, threads=threads)

@@ -1,13 +1,11 @@
 """Moving Green's functions: converged, exact where a closed form exists, and equal to poles on a rational track."""
 
-from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from weld_force_ros.measurement.shapes import cosine_dip
-from weld_force_ros.physics import threads
 from weld_force_ros.physics.engines import greens_function
 from weld_force_ros.physics.engines.common_poles import PoleModel
 from weld_force_ros.physics.engines.greens_function import GreensFunctionModel
@@ -113,21 +111,13 @@ def test_common_poles_follow_the_reference_on_a_causal_track(converged):
     np.testing.assert_allclose(fitted, converged, rtol=1.2e-2)
 
 
-def test_the_given_number_of_threads_is_used_and_changes_nothing(monkeypatch):
+def test_the_given_number_of_threads_is_used_and_changes_nothing(workers_of_pools):
     definition = track_file.load("johansson-nielsen")
-    workers: list[int] = []
-    pool = threads.ThreadPoolExecutor
-
-    def noted(count: int) -> ThreadPoolExecutor:
-        workers.append(count)
-        return pool(count)
-
-    monkeypatch.setattr(threads, "ThreadPoolExecutor", noted)
     found = []
     for count in (1, 3):
         model = GreensFunctionModel(definition.track, definition.wheel, threads=count)
         found.append((model.peak_map(SHAPES[0], [240.0], [0.05, 0.3]), model.history(SHAPES[0], 240.0, 0.05)))
-    assert workers == [3, 3]
+    assert workers_of_pools == [3, 3]
     (one_map, one_history), (many_map, many_history) = found
     np.testing.assert_array_equal(one_map.peak_force_n, many_map.peak_force_n)
     np.testing.assert_array_equal(one_history.force_n, many_history.force_n)

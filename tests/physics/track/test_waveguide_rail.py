@@ -1,6 +1,5 @@
 """The rail by finite strips: alone, and on its supports."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from weld_force_ros.physics import threads
 from weld_force_ros.physics.track import waveguide_rail
 from weld_force_ros.physics.track.beam import (
     StripRail,
@@ -170,18 +168,10 @@ def test_rail_that_cannot_be_is_refused_with_one_line(old, new, said):
     assert "\n" not in str(caught.value)
 
 
-def test_the_given_number_of_threads_is_used_and_changes_nothing(bilbao, monkeypatch):
-    workers: list[int] = []
-    pool = threads.ThreadPoolExecutor
-
-    def noted(count: int) -> ThreadPoolExecutor:
-        workers.append(count)
-        return pool(count)
-
-    monkeypatch.setattr(threads, "ThreadPoolExecutor", noted)
+def test_the_given_number_of_threads_is_used_and_changes_nothing(bilbao, workers_of_pools):
     track, frequency = with_strips(bilbao), np.array([31.0, 97.0, 411.0, 1733.0])
     free_rail(track)  # made before
-    del workers[:]
+    workers_of_pools.clear()
     found = [receptance(track, frequency, [0.0, 0.21], threads=count) for count in (1, 3)]
-    assert workers == [3]
+    assert workers_of_pools == [3]
     np.testing.assert_array_equal(*found)
