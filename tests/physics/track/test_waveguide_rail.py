@@ -170,7 +170,7 @@ def test_rail_that_cannot_be_is_refused_with_one_line(old, new, said):
 
 def test_the_given_number_of_threads_is_used_and_changes_nothing(bilbao, workers_of_pools):
     track, frequency = with_strips(bilbao), np.array([31.0, 97.0, 411.0, 1733.0])
-    free_rail(track)  # made before
+    receptance(track, frequency[:1], [0.0], threads=1)  # makes the rail, which is kept
     workers_of_pools.clear()
     found = [receptance(track, frequency, [0.0, 0.21], threads=count) for count in (1, 3)]
     assert workers_of_pools == [3]
