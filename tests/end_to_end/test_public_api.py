@@ -28,7 +28,9 @@ def test_the_public_names_are_these_and_each_can_be_imported():
 
 def test_every_message_and_every_error_is_public():
     assert {kind.__name__ for kind in messages.SCHEMAS} <= PUBLIC
-    assert {name for name, kind in vars(errors).items() if isinstance(kind, type) and issubclass(kind, Exception)} <= PUBLIC
+    assert {
+        name for name, kind in vars(errors).items() if isinstance(kind, type) and issubclass(kind, Exception)
+    } <= PUBLIC
 
 
 def test_type_checkers_see_the_same_names():
