@@ -28,7 +28,7 @@ _AFTER_PEAK_M = 0.1
 
 
 class Simulates(Protocol):
-    """What a verdict needs of a simulator."""
+    """The part of a simulator that a verdict needs."""
 
     def force_map(self, profile: WeldProfile) -> ForceMap:
         """Compute the forces at every speed and position."""

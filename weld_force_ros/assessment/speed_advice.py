@@ -23,7 +23,7 @@ _WORTH_SAYING = 0.01  # of the peak
 
 
 class SpeedAdvice(msgspec.Struct, frozen=True, kw_only=True):
-    """What a force-speed curve says to whoever sets the speed: fields of `weld_force_ros.messages.Verdict`."""
+    """Advice on speed from a force-speed curve: fields of `weld_force_ros.messages.Verdict`."""
 
     curve_class: CurveClass
     maxima_kmh: list[float]

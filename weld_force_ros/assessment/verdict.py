@@ -42,7 +42,7 @@ _SEVERITY: tuple[Decision, ...] = ("accept", "grind", "reject")
 
 
 class Evaluation(msgspec.Struct, frozen=True, kw_only=True):
-    """What the criteria say of one weld: fields of `weld_force_ros.messages.Verdict`."""
+    """The outcome of the criteria for one weld: fields of `weld_force_ros.messages.Verdict`."""
 
     decision: Decision
     reason: str

@@ -226,7 +226,7 @@ def _assess(plan: "Plan", out: Path, finished: "list[BatchRecord]", scheduler: s
 
 
 class _Progress:
-    """How far a run is: a bar with rate and time left on a terminal, elsewhere a line now and then."""
+    """The progress of a run: a bar with rate and time left on a terminal, elsewhere a line now and then."""
 
     _EVERY_S = 30.0
 

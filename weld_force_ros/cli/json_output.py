@@ -13,7 +13,7 @@ from weld_force_ros.errors import InputError, os_errors_as
 
 @contextlib.contextmanager
 def output_file(path: Path) -> Iterator[IO[str]]:
-    """Open a text file that a command was told to write, its folder made.
+    """Open a text file that a command writes, its folder made.
 
     It is written in place, not renamed: it may be a pipe or a device, and somebody may follow it line by line.
 

@@ -19,7 +19,7 @@ from weld_force_ros.errors import InputError
 
 @dataclass(frozen=True)
 class SuiteOptions:
-    """Where the suite reads and records, and how its nodes run."""
+    """The suite's folders, and how its nodes run."""
 
     folder: Annotated[Path | None, typer.Option(help="Folder of measurement files to watch.")] = None
     bag: Annotated[Path | None, typer.Option(help="Folder to record to; a recording there is continued.")] = None

@@ -29,7 +29,7 @@ Plot = Annotated[Path | None, typer.Option(help="Picture of each weld (several: 
 
 @dataclass(frozen=True)
 class SimulationOptions:
-    """What is simulated; None stands for a command's own default, or that of a parameter file."""
+    """Settings of a simulation; None stands for a command's own default, or that of a parameter file."""
 
     track: Annotated[
         str | None, typer.Option(help="A bundled track or the path of a track file (YAML); default: bilbao.")

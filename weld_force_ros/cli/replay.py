@@ -27,7 +27,7 @@ app = typer.Typer(
 
 @dataclass(frozen=True)
 class Change:
-    """What is other than recorded."""
+    """Settings other than the recorded ones."""
 
     track: Annotated[str | None, typer.Option(help="Another track; the wheel stays.")] = None
     speeds: Annotated[str | None, typer.Option(help="Other speeds, as in simulate.")] = None
@@ -37,7 +37,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Playback:
-    """How a recording is played."""
+    """Options of playing a recording."""
 
     rate: Annotated[float | None, typer.Option(help="Times as fast, 0.1 to 100 (default: 1).")] = None
     start_offset: Annotated[

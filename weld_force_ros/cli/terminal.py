@@ -133,7 +133,7 @@ def show_verdicts(verdicts: Iterable[Verdict], rejections: Iterable[Rejection] =
 
 
 def show_changed(title: str, changed: Iterable["Changed"]) -> None:
-    """One line a verdict, recorded and under other settings; those whose decision changes first.
+    """Print one line a verdict, recorded and under other settings; those whose decision changes first.
 
     Several verdicts on one weld are numbered as they were recorded.
     """

@@ -216,7 +216,7 @@ class GrindingAdvice(Message, kw_only=True):
         band_limit_m: shortest wavelength that is ground.
         stone_radius_m: hollows are no sharper than that.
         removed_m2: area between both profiles.
-        reference_checked: passages rolled again by the `reference` engine, and how many of them are within limits.
+        reference_checked: passages simulated again by the `reference` engine, and how many of them are within limits.
     """
 
     weld_id: Name

@@ -61,7 +61,7 @@ class Bands:
 
 @dataclass(frozen=True)
 class Phase:
-    """How both parts of a force meet where the low one is largest.
+    """The relation of both parts of a force where the low one is largest.
 
     Attributes:
         x_m: place of the low part's maximum.

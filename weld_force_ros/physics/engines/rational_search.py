@@ -241,7 +241,7 @@ def search(
         seed: of all random numbers.
         population: fits in a generation; a resumed search keeps its own.
         generations: how many.
-        on_generation: told after each.
+        on_generation: called after each.
         resume_from: the population that `on_generation` last got.
 
     Raises:

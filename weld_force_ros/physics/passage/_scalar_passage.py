@@ -40,7 +40,7 @@ class Passages(NamedTuple):
 
 
 class SmoothRail(NamedTuple):
-    """What a passage at this speed is compared with, and how long it goes on behind the weld.
+    """The smooth-rail force that a passage is compared with, and how long it continues behind the weld.
 
     Attributes:
         force_n: (n_grid,), force on smooth rail.

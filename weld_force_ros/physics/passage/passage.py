@@ -38,7 +38,7 @@ class History:
 
 @dataclass(frozen=True)
 class Start:
-    """Where and how a passage begins: for another solver to take over.
+    """The start of a passage, for another solver to take over.
 
     Attributes:
         x_m: from the sleeper before the weld.

@@ -23,7 +23,7 @@ _JUMP_DECAY_RAD_S = 2 * np.pi * 1000.0
 
 @dataclass(frozen=True)
 class Acausal:
-    """What precedes the impulse, at one point of the rail.
+    """The part of a response that precedes the impulse, at one point of the rail.
 
     Attributes:
         energy_share: of the impulse response's energy, at negative time.

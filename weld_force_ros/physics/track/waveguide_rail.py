@@ -55,7 +55,7 @@ COUPLED = 15
 
 @dataclass(frozen=True)
 class Steel:
-    """What a rail is made of; `loss_factor` acts on all stress."""
+    """A rail's material; `loss_factor` acts on all stress."""
 
     youngs_modulus_pa: float
     shear_modulus_pa: float
