@@ -90,7 +90,10 @@ def test_the_wheel_given_on_the_command_line_is_the_one_that_rolls(capfd):
         (["receptance", "--freq", "0"], "above 0"),
         (["receptance", "--engine", "magic"], "exact"),
         (["fit", "nowhere.yaml"], "nowhere.yaml"),
+        (["replay"], "Missing command"),
         (["replay", "no-bag"], "no-bag"),
+        (["replay", "no-bag", "--verify"], "no-bag"),
+        (["simulate", "weld-1-dip", "--uncertainty", "4", "--unknown", "/nope"], "/nope"),
         (["bag", "info", "no-bag"], "no-bag"),
         (["node", "conductor"], "simulator"),
         (["node", "profile", "folder"], "--ros-args"),
@@ -101,6 +104,7 @@ def test_bad_usage_is_one_line_and_exit_code_2(capfd, arguments, part):
     assert (code, lines) == (2, [])
     assert err.startswith("weld-force: ")
     assert err.count("\n") == 1
+    assert len(err) < 300
     assert part in err
     assert "Traceback" not in err
 

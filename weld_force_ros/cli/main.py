@@ -24,7 +24,7 @@ from weld_force_ros.cli.report import report
 from weld_force_ros.cli.schema import schema
 from weld_force_ros.cli.show import show
 from weld_force_ros.cli.simulate import simulate
-from weld_force_ros.cli.standard_error import report_problem
+from weld_force_ros.cli.standard_error import discard_notes, print_notes, report_problem
 from weld_force_ros.errors import InputError, WeldForceError
 
 # Typer's usage errors, whether its click is the package or a copy of its own.
@@ -49,6 +49,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command and return its exit code."""
     # An interpreter that ends looks for garbage among all that was imported, which takes a fifth of a short command.
     atexit.register(gc.freeze)
+    discard_notes()
     try:
         result = app(args=arguments, standalone_mode=False, prog_name="weld-force")
     except _UsageError as error:
@@ -64,8 +65,5 @@ def main(arguments: list[str] | None = None) -> int:
         # The reader has what it wanted (`| head`); nothing more can be said to it.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    print_notes()
     return result if isinstance(result, int) else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

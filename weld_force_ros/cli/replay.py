@@ -9,7 +9,7 @@ import typer
 from weld_force_ros.cli import json_output
 from weld_force_ros.cli.options import BagPath, Json, group_with_default, ros_module, with_option_groups
 from weld_force_ros.cli.standard_error import note_old_spelling
-from weld_force_ros.errors import InputError, WeldForceError
+from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
     from weld_force_ros.recording.recording import Recording
@@ -21,7 +21,6 @@ app = typer.Typer(
     help="Compute a recording again, without ROS: `replay BAG` shows its verdicts, `replay verify BAG` compares them; "
     "or play it onto a live ROS graph with `replay publish BAG`.",
     rich_markup_mode=None,
-    no_args_is_help=True,
 )
 
 
@@ -75,24 +74,14 @@ def show_again(
         _refuse(playback, "says how to play a recording", "add --publish")
     elif json is not None:
         raise InputError("--publish has no result to write as JSON", "leave out --json")
-    try:
-        if publish:
-            _publish(bag, playback)
-        elif what_if:
-            _what_if(bag, change, json)
-        else:
-            _compute(bag, verify, json)
-    except WeldForceError:  # one line by itself
-        raise
-    except typer.Exit:
-        _note_flags(given)
-        raise
-    _note_flags(given)
-
-
-def _note_flags(given: list[str]) -> None:
     for name in given:
         note_old_spelling(f"`replay BAG {name}`", f"`replay {name.removeprefix('--')} BAG`")
+    if publish:
+        _publish(bag, playback)
+    elif what_if:
+        _what_if(bag, change, json)
+    else:
+        _compute(bag, verify, json)
 
 
 @app.command()
