@@ -25,7 +25,7 @@ TOPICS: dict[type[Message], Topic] = {
     for topic in (
         Topic("weld_profile", WeldProfile, True, "measured weld geometries"),
         Topic("force_map", ForceMap, True, "peak force over speed and position"),
-        Topic("force_history", ForceHistory, True, "the worst passage of a map"),
+        Topic("force_history", ForceHistory, True, "the passage that decided the verdict"),
         Topic("verdict", Verdict, True, "decisions"),
         Topic("rejection", Rejection, True, "inputs that could not be used"),
         Topic("rail_surface", RailSurface, False, "running surface under the trolley, as it comes"),

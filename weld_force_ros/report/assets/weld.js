@@ -307,9 +307,9 @@ function geometryPart(profile, grinding, still, later) {
  * @param {(task: () => unknown) => void} later
  */
 function historyPart(history, content, still, later) {
-  const holder = chart("Contact force along the track in the worst passage.", "low");
+  const holder = chart("Contact force along the track in this passage.", "low");
   later(() => drawHistory(holder, history, content, still));
-  return card(`Worst passage: ${kmh(history.speed_kmh)}, weld ${centimetres(history.position_m)} cm after the sleeper`, holder);
+  return card(`Force along the track at ${kmh(history.speed_kmh)}, weld ${centimetres(history.position_m)} cm after the sleeper`, holder);
 }
 
 // --- decision by place ------------------------------------------------------------------------------------------------
