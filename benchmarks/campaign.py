@@ -45,7 +45,7 @@ _KERNEL_WELDS = 1500
 _KILLS = 20
 _REPEATED_WELDS = 5000  # smaller campaigns are run until they have as many, as their time is short and uncertain
 _KILLED_WELDS = 3000
-_COMMAND = [sys.executable, "-m", "weld_force_ros.cli.main", "campaign"]
+_COMMAND = [sys.executable, "-m", "weld_force_ros.cli", "campaign"]
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,7 @@ def starts(repetitions: int = 3) -> dict[str, Any]:
 
 
 def _simulated_s(compiled: Path) -> float:
-    return timing.seconds(lambda: _run(["-m", "weld_force_ros.cli.main", *_SIMULATE], compiled))
+    return timing.seconds(lambda: _run(["-m", "weld_force_ros.cli", *_SIMULATE], compiled))
 
 
 def _printed(code: str, compiled: Path) -> Any:

@@ -55,7 +55,7 @@ speeds: [100, 160, 220]
 positions: 3
 batch_welds: 12
 """
-COMMAND = [sys.executable, "-m", "weld_force_ros.cli.main", "campaign"]
+COMMAND = [sys.executable, "-m", "weld_force_ros.cli", "campaign"]
 # Of 20 welds of the first line half lie in the section that two vehicles run over; of the second's 9 one is unusable.
 WELDS, VERDICTS, REJECTIONS = 32, 20 + 20 + 8, 4
 

@@ -185,14 +185,14 @@ def on_a_terminal(columns: int, *command: str, **environment: str) -> str:
 
 
 def test_80_columns_hold_it_and_names_stay_whole():
-    command = (sys.executable, "-m", "weld_force_ros.cli.main", "show", str(DEMO))
+    command = (sys.executable, "-m", "weld_force_ros.cli", "show", str(DEMO))
     shown = on_a_terminal(80, *command)
     assert max(map(len, shown.splitlines())) <= 80
     assert "…" not in shown
 
 
 def test_a_terminal_without_unicode_gets_ascii():
-    command = (sys.executable, "-m", "weld_force_ros.cli.main", "show", str(DEMO))
+    command = (sys.executable, "-m", "weld_force_ros.cli", "show", str(DEMO))
     shown = on_a_terminal(80, *command, PYTHONIOENCODING="ascii")
     assert shown.isascii()
     assert "\\u" not in shown
@@ -200,7 +200,7 @@ def test_a_terminal_without_unicode_gets_ascii():
 
 
 def test_piped_it_has_no_colours():
-    command = [sys.executable, "-m", "weld_force_ros.cli.main", "show", str(DEMO)]
+    command = [sys.executable, "-m", "weld_force_ros.cli", "show", str(DEMO)]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert "\x1b" not in done.stderr
     assert done.stdout == ""

@@ -471,7 +471,7 @@ def test_recordings_without_anything_to_play_are_refused(domain_id: int, tmp_pat
 
 @contextmanager
 def replay_command(*arguments: str) -> Iterator[subprocess.Popen[str]]:
-    command = [sys.executable, "-m", "weld_force_ros.cli.main", "replay", *arguments]
+    command = [sys.executable, "-m", "weld_force_ros.cli", "replay", *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             yield process

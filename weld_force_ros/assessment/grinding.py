@@ -7,7 +7,6 @@ continues from where it was.
 
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeAlias
@@ -39,6 +38,7 @@ from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.engines.greens_function import GreensFunctionModel
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.wheel_path import wheel_path_over
+from weld_force_ros.physics.threads import executor
 from weld_force_ros.simulation import track_file
 from weld_force_ros.simulation.force_map_view import Passages, RelevantMap, relevant_range
 from weld_force_ros.simulation.simulator import Simulator
@@ -73,7 +73,7 @@ class _Grid:
     def over(self, profiles: Sequence[Profile], *, low_passed: bool = True) -> list[Passages]:
         """Return the passages over each profile, of shape (n_speed, n_position)."""
         wheel = self.vehicle_track.wheel
-        with ThreadPoolExecutor(self.threads) as pool:
+        with executor(self.threads) as pool:
             wheel_paths = list(pool.map(lambda p: wheel_path_over(p[0], p[1], wheel.radius_m), profiles))
         peak_maps = self.vehicle_track.peak_maps(wheel_paths, self.speeds_kmh, self.positions_m, low_passed=low_passed)
         return [Passages.of_peak_map(peak_map, wheel.static_load_n) for peak_map in peak_maps]

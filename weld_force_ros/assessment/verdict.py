@@ -32,7 +32,7 @@ from weld_force_ros.messages import (
     UncertaintyResult,
 )
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.simulation.force_map_view import Passages, RelevantMap
+from weld_force_ros.simulation.force_map_view import Passages, RelevantMap, index_of_largest
 
 WORST_POSITION = Rules(unknown_position="worst")
 """The rules of recordings that state none."""
@@ -117,7 +117,7 @@ def _values(name: str, relevant: RelevantMap, gradient_norm: Sequence[NormPoint]
 
 
 def _criterion(limit: Limit, values: FloatArray, relevant: RelevantMap) -> Criterion:
-    row, column = relevant.index_of_largest(values)
+    row, column = index_of_largest(values)
     value = float(values[row, column])
     criterion = Criterion(
         name=limit.name,

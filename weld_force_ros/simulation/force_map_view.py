@@ -151,12 +151,7 @@ class RelevantMap:
     @cached_property
     def peak_index(self) -> tuple[int, int]:
         """Row and column of the passage with the highest peak."""
-        return self.index_of_largest(self.passages.peak_force_n)
-
-    def index_of_largest(self, values: FloatArray) -> tuple[int, int]:
-        """Return row and column of the largest of values (n_speed, n_position), or (1, n_position)."""
-        row, column = np.unravel_index(np.argmax(values), values.shape)
-        return int(row), int(column)
+        return index_of_largest(self.passages.peak_force_n)
 
     def worst_by_speed(self) -> tuple[FloatArray, Passages]:
         """Return speeds (n,) up to the line's and the worst over positions at each: from the curve, if there is one."""
@@ -212,6 +207,12 @@ def force_curve(relevant: RelevantMap) -> tuple[FloatArray, Passages]:
         return relevant.speeds_kmh, relevant.worst_over_positions
     speeds = np.array(curve.speeds_kmh)
     return speeds, Passages.of_message(curve, relevant.force_map.static_load_n, speeds.shape)
+
+
+def index_of_largest(values: FloatArray) -> tuple[int, int]:
+    """Return row and column of the largest of values (n_row, n_column)."""
+    row, column = np.unravel_index(np.argmax(values), values.shape)
+    return int(row), int(column)
 
 
 def rounded(values: FloatArray, decimals: int) -> list[float]:

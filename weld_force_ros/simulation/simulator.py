@@ -161,10 +161,11 @@ class Simulator:
         if len(between):
             finer = self.vehicle_track.peak_map(wheel_path, between, places, low_passed=True)
             parts.append(self._passages(finer))
-        order = np.argsort(np.concatenate([speeds, between]))
+        all_speeds = np.concatenate([speeds, between])
+        order = np.argsort(all_speeds)
         all_parts = Passages.concatenated(parts).at(order)
         return SpeedCurve(
-            speeds_kmh=np.concatenate([speeds, between])[order].tolist(),
+            speeds_kmh=all_speeds[order].tolist(),
             at_m=rounded(places[all_parts.peak_force_n.argmax(axis=1)], _PLACE_DECIMALS),
             **all_parts.worst(axis=1).rounded(_FORCE_DECIMALS, _TIME_DECIMALS),
         )

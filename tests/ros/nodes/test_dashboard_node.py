@@ -166,7 +166,7 @@ def test_a_used_port_keeps_the_node_from_starting(domain_id: int, used_port: int
 
 
 def up(folder: Path, *arguments: str) -> "subprocess.Popen[str]":
-    command = [sys.executable, "-m", "weld_force_ros.cli.main", "up", "--folder", str(folder), "--speeds", "40,80"]
+    command = [sys.executable, "-m", "weld_force_ros.cli", "up", "--folder", str(folder), "--speeds", "40,80"]
     return subprocess.Popen(
         [*command, "--positions", "2", *arguments], stderr=subprocess.PIPE, text=True, env={**os.environ}
     )
