@@ -26,7 +26,7 @@ test("a map of a whole span shows its first position again at the next sleeper",
   assert.deepEqual(gridOf({...MAP, span_m: 0.7}).peaks[0], [1, 2, 3]);
 });
 
-test("a hollow is outlined by its four sides", () => {
+test("a local minimum is outlined by its four sides", () => {
   const rim = outline(gridOf(MAP));
   assert.equal(rim.x.filter((x) => x === null).length, 4);
   assert.deepEqual([...new Set(rim.y.filter((y) => y !== null))].sort(), [110, 130]);
@@ -61,10 +61,10 @@ test("the nearest value is found, and a curve by its criterion", () => {
   assert.throws(() => seriesOf({series: []}, "p2_force"), /p2_force/);
 });
 
-test("permitted and line speed are marked where they bound something", () => {
+test("highest speed within limits and line speed are marked where they bound something", () => {
   const verdict = {judged_speed_kmh: 140, permitted_speed_kmh: 120, avoid: [{from_kmh: 105, to_kmh: 105}]};
   const marks = speedMarks(verdict, {line_speed_kmh: 130}, MAP.speeds_kmh);
-  assert.deepEqual(marks.annotations.map(({text}) => text), ["avoid", "permitted 120", "line 130"]);
+  assert.deepEqual(marks.annotations.map(({text}) => text), ["avoid", "within limits to 120", "line 130"]);
   assert.deepEqual([marks.shapes[0].x0, marks.shapes[0].x1], [105, 105.5]);
   assert.equal(speedMarks({...verdict, permitted_speed_kmh: 140, avoid: []}, undefined, MAP.speeds_kmh).shapes.length, 0);
 });

@@ -260,7 +260,7 @@ def test_every_kind_of_weld_is_shown_without_scrolling_sideways(either, file, nu
     drawn(page)
     assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
     assert page.locator("#weld .badge").first.text_content().strip("✓◐✕?!") in (
-        "Accept", "Grind", "Reject", "Undecided", "Unusable",
+        "Accept", "Grind", "Reject", "Undecided", "Unreadable",
     )  # fmt: skip
     unverified = page.locator("#weld .unverified").count()
     assert unverified > 0 or number == 6

@@ -66,13 +66,14 @@ def test_a_row_says_what_to_do_and_names_the_criterion_nearest_to_its_limit():
     shown = row(3, judged)
     assert (shown["n"], shown["weld"], shown["decision"]) == (3, "wheel-flat-0.9mm", "reject")
     assert shown["worst"] == {"name": "contact_loss", "ratio": None, "passed": False, "verified": False}
-    assert shown["advice"].startswith("Renew the weld")
+    assert shown["advice"].startswith("Replace it (re-weld)")
     assert shown["unverified"] == shown["criteria"] == len(judged.verdict.criteria)
 
 
 def test_a_row_of_a_ground_weld_says_how_much_and_of_an_undecided_one_what_to_measure():
     assert re.match(r"Grind off up to \d\.\d\d mm", row(1, ground())["advice"])
-    assert row(1, undecided())["advice"] == "Not decided: measure the weld's distance from the sleeper before it"
+    measure = "measure the weld's distance from the sleeper before it"
+    assert row(1, undecided())["advice"] == f"Further measurement required: {measure}"
     assert row(1, unusable())["advice"] == "sample 12: z is not a finite number: measure again"
 
 

@@ -14,10 +14,10 @@ test("a clause becomes a sentence", () => {
 test("what to do follows the decision and the advice on grinding", () => {
   const advice = {reached: true, most_removed_m: 1.23e-4};
   assert.equal(page.whatToDo({decision: "accept"}, advice), "Leave this weld as it is.");
-  assert.equal(page.whatToDo({decision: "grind"}, advice), "Grind this weld: take off at most 0.12 mm.");
-  assert.equal(page.whatToDo({decision: "reject"}, advice), "Renew this weld, or grind off at most 0.12 mm.");
-  assert.equal(page.whatToDo({decision: "grind"}, {...advice, reached: false}), "No grinding was found that helps: renew this weld.");
-  assert.equal(page.whatToDo({decision: "undecided", measure: "measure its place"}), "Not decided yet: measure its place.");
+  assert.equal(page.whatToDo({decision: "grind"}, advice), "Grind this weld: remove at most 0.12 mm.");
+  assert.equal(page.whatToDo({decision: "reject"}, advice), "Replace this weld (re-weld), or grind off at most 0.12 mm.");
+  assert.equal(page.whatToDo({decision: "grind"}, {...advice, reached: false}), "No grinding was found that helps: replace this weld (re-weld).");
+  assert.equal(page.whatToDo({decision: "undecided", measure: "measure its position"}), "Further measurement required: measure its position.");
 });
 
 test("the permitted speed is said only where it was searched for", () => {
@@ -33,7 +33,7 @@ test("the reason names the criterion farthest beyond its limit", () => {
   assert.equal(page.why({criteria: [criterion({speed_kmh: 120, position_m: 0.13}), beside]}),
     "Peak force reaches 210 kN at 120 km/h with the weld 13 cm after a sleeper, 5 % over its limit of 200 kN.");
   assert.equal(page.why({criteria: [criterion({reject_limit: 205e3}), criterion({name: "p2_force", ratio: 1.01})]}),
-    "Peak force reaches 210 kN, 2 % over its reject limit of 205 kN. Also over the limit: force below 120 hz (p2).");
+    "Peak force reaches 210 kN, 2 % over its reject limit of 205 kN. Also over the limit: P2 force (120 Hz low-pass).");
   assert.equal(page.why({criteria: [criterion({passed: true, value: 180e3, ratio: 0.9})]}), "Nearest to its limit: peak force, 180 kN of 200 kN.");
   assert.equal(page.why({criteria: []}), "");
 });

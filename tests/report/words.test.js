@@ -2,9 +2,9 @@ const assert = require("node:assert/strict");
 const test = require("node:test");
 const {load} = require("./page_scripts.js");
 
-const {badge, byId, element, kmh, lastOf, number, percent, quantity, timesLimit, unitOf} = load(
+const {badge, byId, criterionInSentence, element, kmh, lastOf, number, percent, quantity, timesLimit, unitOf} = load(
   ["words.js"],
-  ["badge", "byId", "element", "kmh", "lastOf", "number", "percent", "quantity", "timesLimit", "unitOf"],
+  ["badge", "byId", "criterionInSentence", "element", "kmh", "lastOf", "number", "percent", "quantity", "timesLimit", "unitOf"],
 );
 
 test("numbers keep their significant digits and whole hundreds", () => {
@@ -41,6 +41,14 @@ test("a decision of a later release is shown by its own name", () => {
   const made = badge("postponed");
   assert.equal(made.attributes.get("class"), "badge undecided");
   assert.equal(made.textContent, "?postponed");
+});
+
+test("a criterion inside a sentence keeps its symbols", () => {
+  assert.equal(criterionInSentence("peak_force"), "peak force");
+  assert.equal(criterionInSentence("p2_force"), "P2 force (120 Hz low-pass)");
+  assert.equal(criterionInSentence("force_20hz"), "Qmax, 20 Hz low-pass (EN 14363)");
+  assert.equal(criterionInSentence("unloading"), "wheel unloading ratio ΔQ/Q0");
+  assert.deepEqual(["of_a_later_release", "constructor"].map(criterionInSentence), ["of_a_later_release", "constructor"]);
 });
 
 test("an element that a page lacks is named", () => {

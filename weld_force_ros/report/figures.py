@@ -89,7 +89,7 @@ def grinding(advice: GrindingAdvice) -> "Figure":
     left.axhline(0, color=GREY, linewidth=0.6)
     left.plot(x_cm, before_um, color=BLUE, label="before")
     left.plot(x_cm, after_um, color=GREEN, linestyle="--", label="after")
-    left.fill_between(x_cm, after_um, before_um, color=ORANGE, alpha=0.5, label="taken off")
+    left.fill_between(x_cm, after_um, before_um, color=ORANGE, alpha=0.5, label="removed")
     left.set(xlabel="distance from the weld's centre, cm", ylabel="height, µm")
     for peaks_n, colour, style, name in (
         (advice.peak_before_n, BLUE, "-", "before"),
@@ -103,7 +103,7 @@ def grinding(advice: GrindingAdvice) -> "Figure":
     right.set(xlabel="speed, km/h", ylabel="peak force at the worst position, kN")
     for axes in (left, right):
         axes.legend(fontsize=8)
-    found = f"at most {advice.most_removed_m * 1e3:.2f} mm off" if advice.reached else "no grinding helps"
+    found = f"at most {advice.most_removed_m * 1e3:.2f} mm removed" if advice.reached else "no grinding helps"
     figure.suptitle(as_text(f"{advice.weld_id}: {found}"), fontweight="bold")
     return figure
 

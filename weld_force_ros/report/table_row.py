@@ -52,10 +52,10 @@ def _advice(verdict: Verdict, grinding: GrindingAdvice | None) -> str:
         case "accept":
             return "Leave it as it is"
         case "undecided":
-            return f"Not decided: {what_to_measure(verdict.reason)}"
+            return f"Further measurement required: {what_to_measure(verdict.reason)}"
     if grinding is not None and grinding.reached:
         return _until(f"Grind off up to {grinding.most_removed_m * 1e3:.2f} mm", verdict)
-    return _until("Grind" if verdict.decision == "grind" else "Renew the weld", verdict)
+    return _until("Grind" if verdict.decision == "grind" else "Replace it (re-weld)", verdict)
 
 
 def _until(action: str, verdict: Verdict) -> str:

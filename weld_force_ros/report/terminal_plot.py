@@ -14,7 +14,7 @@ _ASCII = str.maketrans("─│┌┐└┘├┤┬┴┼╌╎┄┆┈┊", "-
 
 
 def curve_plot(force_map: ForceMap, verdict: Verdict, *, width: int, unicode: bool) -> str:
-    """Draw the maximum force over all positions that count against speed, with the static load and the limit.
+    """Draw the maximum force over all positions considered against speed, with the static load and the limit.
 
     Args:
         force_map: of one weld.
@@ -34,7 +34,7 @@ def curve_plot(force_map: ForceMap, verdict: Verdict, *, width: int, unicode: bo
     figure.theme("colorless")
     figure.legend(False)
     figure.plot_size(width, _HEIGHT)
-    figure.title("greatest peak force over all positions that count, kN over km/h")
+    figure.title("maximum contact force over all positions considered, kN over km/h")
     for side in ("left", "right"):
         figure.ruler("y", side).lim(low - room, high + room)
     figure.ruler("y", "left").ticks(*_ticks(low, high))

@@ -99,7 +99,7 @@ def _map(force_map: ForceMap) -> dict[str, Any]:
 
 
 def _hollow(force_map: ForceMap, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Return which cells (n_speed, n_position) are hollow: a lower speed reached more; none on too coarse a grid."""
+    """Return which cells (n_speed, n_position) lie in a local minimum over speed; none on too coarse a grid."""
     peaks = np.array(force_map.peak_force_n).reshape(shape)
     try:
         return surface_features(force_map.speeds_kmh, force_map.positions_m, peaks, force_map.span_m).hollow
@@ -135,8 +135,8 @@ def _within(limits: list[dict[str, Any]], speeds_kmh: FloatArray, values: FloatA
     so_far, within = np.maximum.accumulate(values), np.ones(len(values), dtype=bool)
     for limit in limits:
         if limit["decides"]:
-            in_force = (speeds_kmh > limit.get("above_kmh", 0.0)) & (speeds_kmh <= limit.get("to_kmh", np.inf))
-            within &= ~in_force | (so_far <= limit["limit"])
+            applies = (speeds_kmh > limit.get("above_kmh", 0.0)) & (speeds_kmh <= limit.get("to_kmh", np.inf))
+            within &= ~applies | (so_far <= limit["limit"])
     return "".join("1" if ok else "0" for ok in within)
 
 
@@ -153,7 +153,7 @@ def _limit(limit: Limit | Criterion) -> dict[str, Any]:
 
 
 def _lowest_peaks(relevant: RelevantMap) -> dict[str, Any] | None:
-    """Return the peak at the best position of each speed; None if only one position counts."""
+    """Return the peak at the best position of each speed; None if only one position is considered."""
     if len(relevant.positions_m) == 1:
         return None
     return {
@@ -229,7 +229,7 @@ def _provenance(weld: WeldRecord) -> list[list[str]]:
         "wheel": settings and _wheel(settings),
         "limits": weld.limits and _limits(weld.limits),
         "rules": weld.limits and _rules(weld.limits),
-        "samples of the unknown": verdict.samples,
+        "Monte-Carlo samples": verdict.samples,
         "uncertainty": settings and settings.uncertainty is not UNSET and settings.uncertainty.source,
         "profile, sha256": verdict.profile_sha256,
         "measurement": known(verdict.profile_id),
@@ -261,7 +261,7 @@ def _rules(limits: AssessmentSettings) -> str | None:
     rules = known(limits.rules)
     if rules is None:
         return None
-    unknown = "undecided if it matters" if rules.unknown_position == "undecided" else "the worst one counts"
+    unknown = "undecided if it matters" if rules.unknown_position == "undecided" else "the worst one decides"
     return (
         f"unknown position: {unknown}; waves shown up to {rules.resolved_hz:g} Hz"
         f"{'' if rules.verified else ' (UNVERIFIED)'}: {rules.source}"

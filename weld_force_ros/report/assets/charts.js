@@ -148,7 +148,7 @@ function worstCellOf(grid, lineKmh) {
  */
 const cellWords = (grid, r, c) =>
   `${kmh(grid.speeds[r])}, weld ${centimetres(grid.positions[c])} cm after the sleeper: peak ${kilonewtons(grid.peaks[r][c])}` +
-  (grid.hollow[r][c] ? " (hollow: a lower speed reached more)" : "");
+  (grid.hollow[r][c] ? " (local minimum: a lower speed reached more)" : "");
 
 /**
  * @param {HTMLElement} holder
@@ -165,11 +165,11 @@ async function drawMap(holder, readout, map, verdict, still) {
     : [nearest(grid.speeds, verdict.worst_speed_kmh), nearest(grid.positions, verdict.worst_position_m)];
   const rim = outline(grid);
   /** @type {(color: string, width: number, shown: boolean) => object} */
-  const rimTrace = (color, width, shown) => ({...rim, mode: "lines", line: {color, width}, hoverinfo: "skip", name: "hollow", showlegend: shown});
+  const rimTrace = (color, width, shown) => ({...rim, mode: "lines", line: {color, width}, hoverinfo: "skip", name: "local minimum", showlegend: shown});
   const traces = [
     {type: "heatmap", x: grid.x, y: grid.y, z: grid.peaks.map((row) => row.map((peak) => peak / 1e3)), colorscale: "Viridis",
       colorbar: {title: {text: "peak, kN", side: "right"}, thickness: 12, outlinewidth: 0},
-      text: grid.peaks.map((row, r) => row.map((_, c) => `${kmh(grid.speeds[r])}, weld at ${centimetres(grid.positions[c])} cm<br><b>${kilonewtons(grid.peaks[r][c])}</b>${grid.hollow[r][c] ? "<br>hollow" : ""}`)),
+      text: grid.peaks.map((row, r) => row.map((_, c) => `${kmh(grid.speeds[r])}, weld at ${centimetres(grid.positions[c])} cm<br><b>${kilonewtons(grid.peaks[r][c])}</b>${grid.hollow[r][c] ? "<br>local minimum" : ""}`)),
       hovertemplate: "%{text}<extra></extra>"},
     rimTrace("#000", 4, false),
     rimTrace("#fff", 2, false),
@@ -336,7 +336,7 @@ function speedMarks(verdict, map, speeds) {
   const permitted = verdict.permitted_speed_kmh;
   if (permitted !== undefined && permitted < verdict.judged_speed_kmh) {
     shapes.push(vertical(permitted, {color: COLOURS.green, width: 2.5}));
-    annotations.push(label(permitted, `permitted ${number(permitted, 4)}`, {font: {size: 12, color: COLOURS.green}, ...side(permitted, speeds)}));
+    annotations.push(label(permitted, `within limits to ${number(permitted, 4)}`, {font: {size: 12, color: COLOURS.green}, ...side(permitted, speeds)}));
   }
   if (line !== undefined && line < lastOf(speeds)) {
     shapes.push(vertical(line, {color: COLOURS.soft, width: 1.5, dash: "dot"}));

@@ -21,7 +21,7 @@ const COLUMNS = [
   {id: "weld", heading: "Weld", compare: byText((row) => row.weld)},
   {id: "worst", heading: "Worst criterion", falling: true, compare: byNumber(ratioOf)},
   {id: "peak", heading: "Peak", falling: true, compare: byNumber((row) => row.peak_n ?? -1)},
-  {id: "permitted", heading: "Permitted speed", compare: byNumber((row) => row.permitted_kmh ?? Infinity)},
+  {id: "permitted", heading: "Speed within limits", compare: byNumber((row) => row.permitted_kmh ?? Infinity)},
   {id: "advice", heading: "What to do", compare: byText((row) => row.advice)},
 ];
 

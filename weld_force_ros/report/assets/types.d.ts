@@ -57,7 +57,7 @@ interface Verdict {
   weld_id: string;
   decision: string;
   reason: string;
-  /** What to measure where the decision is open, else empty. */
+  /** What to measure where the verdict is undecided, else empty. */
   measure: string;
   criteria: Criterion[];
   unjudged?: string[];
@@ -83,7 +83,7 @@ interface ForceMap {
   span_m: number;
   /** Row-major: speed, position. */
   peak_n: number[];
-  /** Likewise, "1" where a lower speed reached more. */
+  /** Likewise, "1" at local minima over speed, where a lower speed reached more. */
   hollow: string;
   static_load_n: number;
   model_error?: number;

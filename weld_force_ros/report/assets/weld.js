@@ -4,7 +4,7 @@
 const ACTIONS = {
   accept: "Leave this weld as it is.",
   grind: "Grind this weld.",
-  reject: "Renew this weld.",
+  reject: "Replace this weld (re-weld).",
 };
 
 /**
@@ -45,7 +45,7 @@ function metaOf(row, content) {
   if (!content.rejection && content.map) {
     const {map, verdict} = content;
     parts.push(map.line_speed_kmh === undefined ? `judged up to ${kmh(verdict.judged_speed_kmh)} (line speed not stated)` : `line speed ${kmh(map.line_speed_kmh)}`);
-    parts.push(map.weld_position_m === undefined ? "place between the sleepers unknown" : `weld ${centimetres(map.weld_position_m)} cm after the sleeper`);
+    parts.push(map.weld_position_m === undefined ? "position between the sleepers unknown" : `weld ${centimetres(map.weld_position_m)} cm after the sleeper`);
   }
   return parts.filter(Boolean).join(" · ");
 }
@@ -93,8 +93,8 @@ function headline({verdict, grinding, map}) {
     element("p", {class: "do"}, whatToDo(verdict, grinding)),
     until && element("p", {class: "until"}, until),
     element("p", {}, why(verdict)),
-    verdict.criteria.some((c) => !c.verified) && element("p", {}, unverifiedTag(), " Held against limits that nobody has checked against their source."),
-    element("details", {class: "reason", open: verdict.decision === "undecided"}, element("summary", {}, "In the software's words"), element("p", {}, sentence(verdict.reason)),
+    verdict.criteria.some((c) => !c.verified) && element("p", {}, unverifiedTag(), " Compared with limits that nobody has checked against their source."),
+    element("details", {class: "reason", open: verdict.decision === "undecided"}, element("summary", {}, "Full reasoning"), element("p", {}, sentence(verdict.reason)),
       verdict.advice?.length ? element("ul", {}, ...verdict.advice.map((words) => element("li", {}, sentence(words)))) : null),
   );
 }
@@ -104,14 +104,14 @@ function headline({verdict, grinding, map}) {
  * @param {Grinding | undefined} grinding
  */
 function whatToDo(verdict, grinding) {
-  if (verdict.decision === "undecided") return `Not decided yet: ${verdict.measure || verdict.reason}.`;
+  if (verdict.decision === "undecided") return `Further measurement required: ${verdict.measure || verdict.reason}.`;
   const action = ACTIONS[verdict.decision] ?? sentence(verdict.decision);
   if (!grinding || verdict.decision === "accept") return action;
   const removed = hundredths(grinding.most_removed_m);
   if (grinding.reached) {
-    return verdict.decision === "grind" ? `Grind this weld: take off at most ${removed}.` : `Renew this weld, or grind off at most ${removed}.`;
+    return verdict.decision === "grind" ? `Grind this weld: remove at most ${removed}.` : `Replace this weld (re-weld), or grind off at most ${removed}.`;
   }
-  return verdict.decision === "grind" ? "No grinding was found that helps: renew this weld." : `${action} Grinding does not help.`;
+  return verdict.decision === "grind" ? "No grinding was found that helps: replace this weld (re-weld)." : `${action} Grinding does not help.`;
 }
 
 /**
@@ -135,13 +135,13 @@ function why({criteria}) {
   const deciding = criteria.filter((c) => c.decides !== false);
   const worst = [...deciding].sort((a, b) => ratioOfCriterion(b) - ratioOfCriterion(a))[0];
   if (!worst) return "";
-  const failed = deciding.filter((c) => !c.passed && c !== worst).map((c) => criterionName(c.name).toLowerCase());
+  const failed = deciding.filter((c) => !c.passed && c !== worst).map((c) => criterionInSentence(c.name));
   const {reject_limit: rejectLimit} = worst;
   const reject = rejectLimit !== undefined && worst.value > rejectLimit;
   const limit = reject ? rejectLimit : worst.limit;
   const value = quantity(worst.value, unitOf(worst));
   const at = worst.speed_kmh === undefined ? "" : ` at ${kmh(worst.speed_kmh)}${worst.position_m === undefined ? "" : ` with the weld ${centimetres(worst.position_m)} cm after a sleeper`}`;
-  if (worst.passed) return `Nearest to its limit: ${criterionName(worst.name).toLowerCase()}, ${value} of ${quantity(limit, unitOf(worst))}${at}.`;
+  if (worst.passed) return `Nearest to its limit: ${criterionInSentence(worst.name)}, ${value} of ${quantity(limit, unitOf(worst))}${at}.`;
   const beyond = limit > 0 ? `, ${percent(worst.value / limit - 1)} over its ${reject ? "reject limit" : "limit"} of ${quantity(limit, unitOf(worst))}` : `; its limit is ${quantity(limit, unitOf(worst))}`;
   return `${criterionName(worst.name)} reaches ${value}${at}${beyond}.${failed.length ? ` Also over the limit: ${failed.join(", ")}.` : ""}`;
 }
@@ -159,10 +159,10 @@ function facts({verdict, map}) {
     "dl", {class: "facts"},
     fact("Peak force", kilonewtons(verdict.peak_force_n), [`${(verdict.peak_force_n / verdict.static_load_n).toFixed(2)} × static`, map?.model_error && `model ± ${kilonewtons(map.model_error * (verdict.peak_force_n - verdict.static_load_n))}`].filter(Boolean).join(", ")),
     fact("Worst at", kmh(verdict.worst_speed_kmh), `weld ${centimetres(verdict.worst_position_m)} cm after the sleeper`),
-    said && fact("Permitted speed", permitted === undefined ? "none" : kmh(permitted), `judged up to ${kmh(verdict.judged_speed_kmh)}`),
-    riskiest && fact("Chance to exceed a limit", percent(riskiest.exceeding), `of ${verdict.samples} samples: ${criterionName(riskiest.name).toLowerCase()}`),
-    measures && fact(measures.kind === "dip" ? "Dip" : "Protrusion", quantity(measures.kind === "dip" ? measures.dip_m : measures.protrusion_m, "m"), `steepest ${number(measures.gradient_rad * 1e3)} mrad`),
-    verdict.curve_class && fact("Force over speed", verdict.curve_class === "hollow" ? "not monotonic" : "rises", verdict.curve_class === "hollow" ? "slower can be worse" : "slower is never worse"),
+    said && fact("Highest speed within force limits", permitted === undefined ? "none" : kmh(permitted), `computed up to ${kmh(verdict.judged_speed_kmh)}`),
+    riskiest && fact("Probability of exceedance", percent(riskiest.exceeding), `of ${verdict.samples} samples: ${criterionInSentence(riskiest.name)}`),
+    measures && fact(measures.kind === "dip" ? "Dipped weld" : "Peaked weld", quantity(measures.kind === "dip" ? measures.dip_m : measures.protrusion_m, "m"), `steepest ${number(measures.gradient_rad * 1e3)} mrad`),
+    verdict.curve_class && fact("Force over speed", verdict.curve_class === "hollow" ? "has a local minimum" : "rises", verdict.curve_class === "hollow" ? "slower can be worse" : "slower is never worse"),
   );
 }
 
@@ -175,12 +175,12 @@ function facts({verdict, map}) {
  * @param {(task: () => unknown) => void} later
  */
 function mapPart(map, verdict, still, later) {
-  const holder = chart(`Map of peak force over speed and the weld's place; the worst is ${kilonewtons(verdict.peak_force_n)} at ${kmh(verdict.worst_speed_kmh)}. Arrow keys read other cells.`, "high");
+  const holder = chart(`Map of peak force over speed and the weld's position; the worst is ${kilonewtons(verdict.peak_force_n)} at ${kmh(verdict.worst_speed_kmh)}. Arrow keys read other cells.`, "high");
   const readout = element("output", {class: "readout", "aria-live": "polite"});
   if (!still) holder.setAttribute("tabindex", "0");
   later(() => drawMap(holder, readout, map, verdict, still));
-  return card("Peak force by speed and place", holder, !still && readout,
-    element("p", {class: "hint"}, `Outlined: hollows, where a lower speed reached more. ✕: worst. Dashed: sleepers.${still ? "" : " Point, tap, or use the arrow keys."}`));
+  return card("Peak force by speed and position", holder, !still && readout,
+    element("p", {class: "hint"}, `Outlined: local minima over speed, where a lower speed reached more. ✕: worst. Dashed: sleepers.${still ? "" : " Point, tap, or use the arrow keys."}`));
 }
 
 /**
@@ -195,7 +195,7 @@ function curvePart(curves, content, still, later) {
     .sort((a, b) => ratioOfCriterion(b) - ratioOfCriterion(a))[0];
   // The force itself is what people know; another criterion only where that one alone is beyond its limit.
   const first = worst && !worst.passed && verdict.criteria.some((c) => c.name === "peak_force" && c.passed) ? worst.name : "peak_force";
-  const holder = chart("Curve over speed of the worst place, with its limits.");
+  const holder = chart("Curve over speed at the worst position, with its limits.");
   const id = freshId("criterion");
   const choice = element("select", {id}, ...curves.series.map(({name}) => element("option", {value: name, selected: name === first}, criterionName(name))));
   /** @type {(speed: number) => void} */
@@ -262,7 +262,7 @@ function restrictionWords(curves, judged, index) {
   const [speed, top] = [kmh(judged[index]), kmh(lastOf(judged))];
   const worst = Math.max(...peaks.slice(0, index + 1));
   const beyond = beyondUpTo(curves, index + 1).map(({name, from, to}) =>
-    `${criterionName(name).toLowerCase()} at ${from === to ? "" : `${number(from, 4)} to `}${kmh(to)}`);
+    `${criterionInSentence(name)} at ${from === to ? "" : `${number(from, 4)} to `}${kmh(to)}`);
   return [
     element("span", {class: beyond.length ? "big over" : "big"}, beyond.length ? "✕ Still beyond limits" : `✓ Within limits at every speed up to ${speed}`),
     element("span", {class: "block"}, beyond.join(", ")),
@@ -312,7 +312,7 @@ function historyPart(history, content, still, later) {
   return card(`Force along the track at ${kmh(history.speed_kmh)}, weld ${centimetres(history.position_m)} cm after the sleeper`, holder);
 }
 
-// --- decision by place ------------------------------------------------------------------------------------------------
+// --- decision by position ---------------------------------------------------------------------------------------------
 
 /**
  * Neighbouring positions of one decision: [decision, from, to] in metres.
@@ -350,9 +350,9 @@ function positionsPart({verdict, map}) {
     return part;
   });
   const words = runs.length === 1
-    ? `${decisionOf(runs[0][0]).label} wherever the weld lies between the sleepers.`
+    ? `${decisionOf(runs[0][0]).label} at every position in the sleeper bay.`
     : runs.map(([decision, from, to]) => `${decisionOf(decision).label} at ${centimetres(from)} to ${centimetres(to)} cm`).join(" · ");
-  return card("Decision by where the weld lies between the sleepers",
+  return card("Decision by position in the sleeper bay",
     element("div", {class: "strip", "aria-hidden": "true"}, ...parts),
     element("p", {class: "ends", "aria-hidden": "true"}, element("span", {}, "▮ sleeper, 0 cm"), element("span", {}, `next sleeper, ${centimetres(map.span_m)} cm ▮`)),
     element("p", {}, words));
@@ -363,7 +363,7 @@ function positionsPart({verdict, map}) {
 /** @param {WeldDetail} content */
 function criteriaPart({verdict}) {
   const sampled = verdict.criteria.some((c) => c.exceeding !== undefined);
-  const headings = ["Criterion", "Value", "Limit", "Margin", "Where", ...(sampled ? ["Chance to exceed"] : []), "Why and by which source"];
+  const headings = ["Criterion", "Value", "Limit", "Margin", "Where", ...(sampled ? ["Probability of exceedance"] : []), "Why and by which source"];
   const table = element(
     "table", {class: "criteria"}, element("caption", {class: "visually-hidden"}, "Criteria with their limits"),
     element("thead", {}, element("tr", {}, ...headings.map((heading) => element("th", {scope: "col"}, heading)))),
@@ -390,12 +390,12 @@ function criterionLine(c, sampled) {
   return element(
     "tr", {class: !c.passed && c.decides !== false ? "failed" : ""},
     element("th", {scope: "row"}, criterionName(c.name), element("span", {class: `tag block ${state[0]}`}, state[1]),
-      c.decides === false && element("span", {class: "tag block aside"}, "shown, does not decide")),
+      c.decides === false && element("span", {class: "tag block aside"}, "informative only")),
     cell("Value", element("strong", {class: "nowrap"}, quantity(c.value, unitOf(c))), element("span", {class: "block"}, bar(ratioOfCriterion(c), c.passed)), element("span", {class: "small nowrap"}, timesLimit(c.ratio))),
     cell("Limit", element("span", {class: "nowrap"}, quantity(c.limit, unitOf(c))), c.reject_limit !== undefined && element("span", {class: "small block"}, `reject above ${quantity(c.reject_limit, unitOf(c))}`)),
     cell("Margin", element("span", {class: margin < 0 ? "over nowrap" : "nowrap"}, quantity(margin, unitOf(c)))),
     element("td", {class: "c-where", "data-label": "Where"}, element("div", {}, ...whereOf(c))),
-    sampled && element("td", {class: "c-chance", "data-label": "Chance to exceed"}, element("div", {}, ...chanceOf(c))),
+    sampled && element("td", {class: "c-chance", "data-label": "Probability of exceedance"}, element("div", {}, ...chanceOf(c))),
     element("td", {class: "c-why"}, c.applies && element("span", {class: "block"}, sentence(c.applies)), c.verified ? element("span", {class: "ok"}, "verified: ") : element("span", {}, unverifiedTag(), " "), element("span", {class: "small"}, c.source)),
   );
 }
@@ -422,17 +422,17 @@ function chanceOf(c) {
   ];
 }
 
-// --- grinding and where it all comes from -----------------------------------------------------------------------------
+// --- grinding and provenance ------------------------------------------------------------------------------------------
 
 /** @param {Grinding} g */
 function grindingPart(g) {
   const changed = g.after.map((c) => [criterionName(c.name), quantity(c.value, unitOf(c)), c.passed ? "✓ within" : "✕ over limit"]);
   return card("Grinding",
-    element("p", {}, element("strong", {}, g.reached ? `Take off at most ${hundredths(g.most_removed_m)}${g.from_m === undefined || g.to_m === undefined ? "" : `, from ${number(g.from_m * 1e3)} to ${number(g.to_m * 1e3)} mm from the weld's centre`}.` : "No removal of metal was found that brings this weld within its limits."), ` ${sentence(g.reason)}`),
+    element("p", {}, element("strong", {}, g.reached ? `Remove at most ${hundredths(g.most_removed_m)}${g.from_m === undefined || g.to_m === undefined ? "" : `, from ${number(g.from_m * 1e3)} to ${number(g.to_m * 1e3)} mm from the weld's centre`}.` : "No removal of metal was found that brings this weld within its limits."), ` ${sentence(g.reason)}`),
     element("p", {}, "Before ", badge(g.decision_before), " after ", badge(g.decision_after)),
     changed.length ? element("div", {class: "changes"}, ...changed.flat().map((text) => element("span", {}, text))) : null,
     element("p", {class: "hint"}, `Waves longer than ${quantity(g.band_limit_m, "m")}, hollows no sharper than a stone of radius ${number(g.stone_radius_m)} m. ` +
-      (g.reference_checked ? `Rolled again by the reference engine: ${g.reference_within} of ${g.reference_checked} passages within limits${g.reference_peak_n === undefined ? "" : `, peak ${kilonewtons(g.reference_peak_n)}`}.` : "Not rolled again by the reference engine.")));
+      (g.reference_checked ? `Simulated again by the reference engine: ${g.reference_within} of ${g.reference_checked} passages within limits${g.reference_peak_n === undefined ? "" : `, peak ${kilonewtons(g.reference_peak_n)}`}.` : "Not simulated again by the reference engine.")));
 }
 
 /**
@@ -440,6 +440,6 @@ function grindingPart(g) {
  * @param {boolean} open
  */
 function provenancePart(provenance, open) {
-  return element("details", {class: "card long", open}, element("summary", {}, "Where this comes from"),
+  return element("details", {class: "card long", open}, element("summary", {}, "Inputs, model and software version"),
     element("dl", {class: "provenance"}, ...provenance.flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, value)])));
 }

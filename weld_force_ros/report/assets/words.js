@@ -5,21 +5,21 @@ const DECISIONS = {
   reject: {label: "Reject", sign: "✕", order: 0},
   grind: {label: "Grind", sign: "◐", order: 1},
   undecided: {label: "Undecided", sign: "?", order: 2},
-  unusable: {label: "Unusable", sign: "!", order: 3},
+  unusable: {label: "Unreadable", sign: "!", order: 3},
   accept: {label: "Accept", sign: "✓", order: 4},
 };
 
 /** @type {Record<string, string>} */
 const CRITERIA = {
   peak_force: "Peak force",
-  p2_force: "Force below 120 Hz (P2)",
-  force_20hz: "Force below 20 Hz",
-  dynamic_factor: "Dynamic factor",
-  hertz_pressure_index: "Contact pressure index",
-  unloading: "Wheel unloading",
+  p2_force: "P2 force (120 Hz low-pass)",
+  force_20hz: "Qmax, 20 Hz low-pass (EN 14363)",
+  dynamic_factor: "Dynamic load factor",
+  hertz_pressure_index: "Contact pressure ratio",
+  unloading: "Wheel unloading ratio ΔQ/Q0",
   contact_loss: "Contact loss",
   quality_index: "Quality index (gradient)",
-  straightedge: "1 m straightedge",
+  straightedge: "Deviation under 1 m straightedge",
 };
 
 const GEOMETRY = ["quality_index", "straightedge"];
@@ -32,6 +32,15 @@ const UNITS = {"%": [100, "%"], N: [1e-3, "kN"], s: [1e3, "ms"], m: [1e3, "mm"],
 
 /** @param {string} name */
 const criterionName = (name) => CRITERIA[name] ?? name;
+/**
+ * Return a criterion's name as it stands inside a sentence: its first word in lower case unless that is a symbol.
+ * @param {string} name
+ */
+function criterionInSentence(name) {
+  const label = Object.hasOwn(CRITERIA, name) ? CRITERIA[name] : "";
+  if (!label) return name;
+  return /^(P2|Qmax)\b/.test(label) ? label : label[0].toLowerCase() + label.slice(1);
+}
 /** @param {string} name */
 const decisionOf = (name) => DECISIONS[name] ?? {label: name, sign: "?", order: 9};
 
@@ -79,7 +88,7 @@ const freshId = (stem) => `${stem}-${(ids += 1)}`;
 /** @param {number} value */
 const kilonewtons = (value) => quantity(value, "N");
 /**
- * Of metal, no stone takes off less.
+ * Write a depth of cut; no stone removes less than a hundredth.
  * @param {number} metres
  */
 const hundredths = (metres) => `${(metres * 1e3).toFixed(2)} mm`;
