@@ -212,7 +212,7 @@ def test_what_does_not_decide_is_shown_and_not_counted():
     steep = msgspec.structs.replace(force_map(), measures=measures(gradient_rad=0.1))
     found = evaluated(steep, [limit("peak_force", 200e3, 300e3), beside])
     assert (found.decision, found.criteria[1].passed, found.criteria[1].decides) == ("accept", False, False)
-    assert "all within limits (not counted: quality_index)" in found.reason
+    assert "all within limits (informative only: quality_index)" in found.reason
     counted = msgspec.structs.replace(beside, decides=UNSET)
     assert evaluated(steep, [counted]).decision == "reject"
     assert evaluated(force_map(), [beside]).unjudged == []

@@ -73,7 +73,7 @@ def test_worst_weld_comes_first_and_with_its_curve(capfd, tmp_path):
     bag = recording(tmp_path / "bag", fine, force_map("mild", (101, 102, 103, 104)), force_map("bad"))
     code, out, err = show(capfd, bag)
     assert (code, out) == (0, [])
-    assert err.index("bad") < err.index("mild") < err.index("UNUSABLE") < err.index("fine")
+    assert err.index("bad") < err.index("mild") < err.index("UNREADABLE") < err.index("fine")
     assert "weld.csv" in err
     assert "peak_force 240 of" in err
     shown = err[err.rindex("peak 240 kN at 60 km/h") :]

@@ -171,7 +171,7 @@ def test_missing_statement_is_named(key: str) -> None:
     message = refused(text)
     assert f"{key} not stated" in message
     assert f"'# {key}: " in message
-    assert "plain form" in message
+    assert "plain text" in message
 
 
 def test_plain_file_without_form_is_told_all_that_is_missing() -> None:
@@ -639,5 +639,5 @@ def test_name_or_path_is_found(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["weld-9", "folder/weld.csv", "n" * 5000, "\0"])
 def test_unknown_name_lists_the_shipped_ones(name: str) -> None:
-    with pytest.raises(ProfileError, match=r"no such file or shipped profile; .*weld-1-dip.*wheel-flat-0\.9mm"):
+    with pytest.raises(ProfileError, match=r"no such file or bundled profile; .*weld-1-dip.*wheel-flat-0\.9mm"):
         find(name)

@@ -46,7 +46,7 @@ def test_sigterm_closes_the_bag_of_a_node_process(domain_id: int, probe: Probe, 
         out, err = process.communicate(timeout=DEADLINE_S)
     assert (process.returncode, out) == (0, "")
     assert "Traceback" not in err
-    assert "nothing left" in err
+    assert "clean shutdown, 0 pending" in err
     information = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
     counts = {t["topic_metadata"]["name"]: t["message_count"] for t in information["topics_with_message_count"]}
     assert {name: counts[name] for name in ("/assessment_settings", "/force_map", "/rejection")} == {
@@ -156,7 +156,7 @@ def test_second_signal_stops_at_once_and_says_what_is_left(
     thread = aside(stop_twice)
     assert run_until_signal(suite) == 1
     thread.join(DEADLINE_S)
-    assert "3 messages left" in capsys.readouterr().err
+    assert "3 messages pending" in capsys.readouterr().err
     assert (tmp_path / "bag" / "metadata.yaml").exists()
 
 

@@ -375,7 +375,7 @@ def _reason(before: Verdict, found: _Found, grinder: Grinder) -> str:
     removal = found.removal
     places = removal.x_m[removal.removal_m > min(_NOTABLE_M, removal.removal_m.max() / 2)]
     took = (
-        f"up to {removal.removal_m.max() * 1e3:.2f} mm taken off between {places[0] * 100:.0f} and "
+        f"up to {removal.removal_m.max() * 1e3:.2f} mm removed between {places[0] * 100:.0f} and "
         f"{places[-1] * 100:.0f} cm from the weld's centre"
     )
     reference = f"{found.within} of {found.checked} passages by the reference engine are"

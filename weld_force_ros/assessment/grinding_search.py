@@ -53,7 +53,7 @@ class Grinder:
         band_limit_m: shortest wavelength that it can be steered to grind: less than a stone's own width is not.
         stone_radius_m: hollows that it leaves are no sharper.
         reach_m: how far it may work on rail before and behind the measured range.
-        most_m: depth that may be taken off.
+        most_m: depth that may be removed.
     """
 
     band_limit_m: float = 0.10
@@ -69,7 +69,7 @@ class Grinder:
 
 @dataclass(frozen=True)
 class Removal:
-    """Metal taken off a profile, each array (n,).
+    """Metal removed from a profile, each array (n,).
 
     Attributes:
         x_m: the profile's positions, and some beyond its ends as far as the grinder reaches.

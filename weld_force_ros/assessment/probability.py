@@ -7,8 +7,8 @@ import numpy as np
 from weld_force_ros.messages import UncertaintyResult
 from weld_force_ros.physics.arrays import FloatArray
 
-PLACE, SUPPORT, CONTACT, RADIUS = "place in the sleeper span", "support stiffness", "contact stiffness", "wheel radius"
-REST = "measurement noise"
+PLACE, REST = "position in the sleeper span", "measurement noise"
+SUPPORT, CONTACT, RADIUS = "support stiffness", "contact stiffness", "wheel radius"
 _GROUPS = 8  # of a continuous quantity, whose means are compared
 
 

@@ -1,7 +1,7 @@
 """Evaluate a force map against limits and rules, to a decision.
 
 Every criterion within its limit: accept. One beyond its reject limit: reject. Else: grind. `undecided` where the input
-cannot support that: the place in the span is unknown and the decision depends on it, or nothing is exceeded but
+cannot support that: the position in the span is unknown and the decision depends on it, or nothing is exceeded but
 something that could be was not seen, because samples are too far apart or a criterion was not computed.
 """
 
@@ -186,7 +186,7 @@ def _findings(relevant: RelevantMap, criteria: Sequence[Criterion]) -> tuple[str
     return (
         f"peak {peak_kn:.0f} kN at {speed_kmh:g} km/h, weld {position_cm:.0f} cm after the sleeper",
         (f"over the limit: {', '.join(failed)}" if failed else "all within limits")
-        + (f" (not counted: {', '.join(informative)})" if informative else ""),
+        + (f" (informative only: {', '.join(informative)})" if informative else ""),
     )
 
 

@@ -220,7 +220,7 @@ def _assess(plan: "Plan", out: Path, finished: "list[BatchRecord]", scheduler: s
             failed = running.distribute(client, plan, out, {record.batch for record in finished}, progress.add)
     if failed:
         first = failed[0]
-        terminal.say(f"{len(failed)} batches are open; batch {first.batch}: {first.reason}")
+        terminal.say(f"{len(failed)} batches pending; batch {first.batch}: {first.reason}")
         terminal.say("the same command tries them again; the others are finished")
         raise typer.Exit(1)
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 Of = Annotated[Path, typer.Argument(metavar="BAG|MAP", help="A bag, or force maps of `simulate --json FILE`.")]
 Out = Annotated[Path, typer.Option("--out", "-o", help="The page (HTML).")]
 Pdf = Annotated[Path | None, typer.Option(help="Also print it, by a Chromium that is installed.")]
-Grinding = Annotated[bool, typer.Option("--grinding", help="Search for the least grinding of what is not accepted.")]
+Grinding = Annotated[bool, typer.Option("--grinding", help="Search for the minimum grinding of what is not accepted.")]
 
 
 def report(of: Of, out: Out, pdf: Pdf = None, limits: Limits = None, grinding: Grinding = False) -> None:
@@ -34,7 +34,7 @@ def report(of: Of, out: Out, pdf: Pdf = None, limits: Limits = None, grinding: G
     entries = _entries(of, load_limits(limits) if limits else None)
     with terminal.progress() as bar:
         if grinding:
-            task = bar.add_task("searching for the least grinding", total=len(entries))
+            task = bar.add_task("searching for the minimum grinding", total=len(entries))
             entries = _with_grinding(entries, lambda: bar.advance(task))
         rows, details = [], []
         for number, entry in enumerate(bar.track(entries, description="writing the page"), start=1):

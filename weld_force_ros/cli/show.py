@@ -98,19 +98,19 @@ def _front_rows(entries: "Sequence[Record]", restrict: float | None) -> "Iterato
         about = row(number, entry)
         advice = str(about["advice"])
         if not isinstance(entry, WeldRecord):
-            yield terminal.unusable(), str(about["weld"]), "", "", advice
+            yield terminal.unreadable(), str(about["weld"]), "", "", advice
             continue
         verdict, permitted = entry.verdict, about.get("permitted_kmh")
         yield (
             terminal.decision(verdict.decision),
             verdict.weld_id,
-            _held_against(worst(verdict.criteria)),
+            _compared_with_limit(worst(verdict.criteria)),
             "?" if permitted is None else f"{permitted:g}" if permitted else "none",
             advice if restrict is None else _restricted(entry, restrict),
         )
 
 
-def _held_against(criterion: "Criterion") -> str:
+def _compared_with_limit(criterion: "Criterion") -> str:
     return (
         f"{criterion.name} {_number(criterion.value, criterion.unit)} of {_quantity(criterion.limit, criterion.unit)}"
     )
@@ -189,9 +189,9 @@ def _say_wrapped(text: str) -> None:
 def _show_criteria(criteria: "Sequence[Criterion]") -> None:
     from weld_force_ros.cli import terminal
 
-    chances = any(isinstance(c.exceeding, float) for c in criteria)
+    sampled = any(isinstance(c.exceeding, float) for c in criteria)
     columns = [("criterion", ""), ("value", "right"), ("limit", "right"), ("reject above", "right")]
-    columns += [("at km/h", "right"), ("", ""), *([("chance", "right")] if chances else [])]
+    columns += [("at km/h", "right"), ("", ""), *([("probability of exceedance", "right")] if sampled else [])]
     terminal.table("Criteria", columns, [_criterion_row(c)[: len(columns)] for c in criteria])
     if not all(c.verified for c in criteria):
         terminal.say("* UNVERIFIED: this limit was not checked against its source")
@@ -205,6 +205,6 @@ def _criterion_row(criterion: "Criterion") -> tuple[str, ...]:
         _number(c.limit, c.unit),
         _number(c.reject_limit, c.unit) if isinstance(c.reject_limit, float) else "",
         f"{c.speed_kmh:g}" if isinstance(c.speed_kmh, float) else "",
-        ("" if c.passed else "over") + ("" if c.decides else " (not counted)"),
+        ("" if c.passed else "over") + ("" if c.decides else " (informative only)"),
         f"{100 * c.exceeding:.0f} %" if isinstance(c.exceeding, float) else "",
     )

@@ -20,7 +20,7 @@ app = typer.Typer(
 
 Out = Annotated[Path, typer.Option(help="Folder for figures, data, and what a second run need not compute.")]
 Profile = Annotated[Path | None, typer.Option(help="A weld of your own in place of the paper's.")]
-OwnTrack = Annotated[str | None, typer.Option("--track", help="A track in place of the paper's: shipped, or a file.")]
+OwnTrack = Annotated[str | None, typer.Option("--track", help="Instead of the paper's: a bundled track, or a file.")]
 Quick = Annotated[bool, typer.Option("--quick", help="A third of the speeds and positions, to see whether it works.")]
 
 # The names and the order of `studies.paper_studies.STUDIES`, which is not imported before a command runs.
@@ -114,8 +114,8 @@ def study_engines(
 @app.command("rail")
 def study_rail(
     out: Out,
-    track: Annotated[str, typer.Option("--track", help="A track: shipped, or a file.")] = "bilbao",
-    section: Annotated[str, typer.Option(help="The strips' section, if the track's rail is a beam.")] = "60E1",
+    track: Annotated[str, typer.Option("--track", help="A bundled track, or a file.")] = "bilbao",
+    section: Annotated[str, typer.Option(help="Rail section (2.5-D FE), if the track's rail is a beam.")] = "60E1",
     quick: Quick = False,
     json: Json = None,
 ) -> None:

@@ -90,8 +90,9 @@ def show_maps(maps: Iterable[ForceMap]) -> None:
     table(
         "Force maps: the worst passage of each",
         [
-            ("weld", ""), ("peak kN", "right"), ("model ± kN", "right"), ("dyn. factor", "right"), ("at km/h", "right"),
-            ("cm after sleeper", "right"), ("contact loss ms", "right"), ("passages", "right"), ("s", "right"),
+            ("weld", ""), ("peak kN", "right"), ("model ± kN", "right"), ("dyn. load factor", "right"),
+            ("at km/h", "right"), ("cm after sleeper", "right"), ("contact loss ms", "right"), ("passages", "right"),
+            ("s", "right"),
         ],
         rows,
     )  # fmt: skip
@@ -120,12 +121,12 @@ def show_verdicts(verdicts: Iterable[Verdict], rejections: Iterable[Rejection] =
             )
         )
     for rejection in rejections:
-        cells = (unusable(), rejection.source, "", "", "", "")
+        cells = (unreadable(), rejection.source, "", "", "", "")
         rows.append((*cells, f"{rejection.reason}: {rejection.remedy}"))
     table(
         "Verdicts",
         [
-            ("decision", ""), ("weld", ""), ("peak kN", "right"), ("dyn. factor", "right"), ("at km/h", "right"),
+            ("decision", ""), ("weld", ""), ("peak kN", "right"), ("dyn. load factor", "right"), ("at km/h", "right"),
             ("cm after sleeper", "right"), ("over the limit", ""),
         ],
         rows,
@@ -174,9 +175,9 @@ def decision(of: Decision) -> Text:
     return Text(of.upper(), style=f"bold {_COLOURS[of]}")
 
 
-def unusable() -> Text:
-    """Return what tables show for an input that could not be used."""
-    return Text("UNUSABLE", style="bold magenta")
+def unreadable() -> Text:
+    """Return what tables show for an input that could not be read."""
+    return Text("UNREADABLE", style="bold magenta")
 
 
 def _decisions(was: Verdict, now: Verdict) -> Text:
@@ -186,7 +187,7 @@ def _decisions(was: Verdict, now: Verdict) -> Text:
 def show_limits(limits: Iterable[Limit]) -> None:
     """Print the limits applied, and which of them are not verified."""
     table(
-        "Limits in force",
+        "Limits applied",
         [("criterion", ""), ("grind above", "right"), ("reject above", "right"), ("unit", ""), ("source", "")],
         [
             (limit.name, f"{limit.limit:g}", f"{limit.reject_limit:g}", limit.unit,

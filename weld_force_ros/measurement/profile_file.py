@@ -211,7 +211,7 @@ def _with_form(stated: dict[str, _Statement], form: PlainForm) -> dict[str, _Sta
         raise ProfileError(
             f"{', '.join(missing)} not stated",
             f"add a line such as '# {missing[0]}: {'up' if missing[0] == 'z_positive' else 'mm'}', "
-            "or state it with the plain form",
+            "or state it with the options for plain text files",
         )
     _check_choice(merged, "x_unit", tuple(_POWER_OF_TEN))
     _check_choice(merged, "z_unit", tuple(_POWER_OF_TEN))
@@ -401,4 +401,4 @@ def find(name_or_path: str | Path) -> Path:
         return names[name_or_path]
     if os.path.exists(name_or_path):
         return Path(name_or_path)
-    raise ProfileError(f"{name_or_path}: no such file or shipped profile", f"give a path or one of {', '.join(names)}")
+    raise ProfileError(f"{name_or_path}: no such file or bundled profile", f"give a path or one of {', '.join(names)}")

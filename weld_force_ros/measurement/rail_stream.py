@@ -145,7 +145,7 @@ class RailStream:
         notes = [f"resampled to {STEP_M * 1e3:g} mm by straight lines, the longest over {widest_mm:.3g} mm"]
         if samples.dropped:
             notes.append(f"{samples.dropped} samples dropped where a newer pass went over them")
-        notes.append("straight line between the ends taken off")
+        notes.append("straight line between the ends removed")
         return Window(centre_m, x, z - np.interp(x, x[[0, -1]], z[[0, -1]]), tuple(notes))
 
     def stretches(self) -> list[Stretch]:

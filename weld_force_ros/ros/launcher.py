@@ -62,14 +62,17 @@ def run_until_signal(suite: NodeSuite, drain_s: float = DRAIN_S) -> int:
         while not stop.wait(0.1) and suite.failure is None:
             pass
         if stop.is_set():
-            print_line("stopping: finishing what was taken; a second signal stops at once")
+            print_line("shutting down, finishing queue; a second signal stops at once")
         left = suite.drain(drain_s, abandon)
         open_count, failure = suite.open_count, suite.failure
     if failure is not None:
         raise failure if isinstance(failure, WeldForceError) else WeldForceError(f"{type(failure).__name__}: {failure}")
-    print_line(f"stopped with {left} messages left unfinished" if left else "stopped, nothing left unfinished")
+    if left:
+        print_line(f"stopped, {left} messages pending")
+    elif not open_count:
+        print_line("clean shutdown, 0 pending")
     if open_count:
-        print_line(f"{open_count} measurements have no outcome yet; they get it when the same bag is continued")
+        print_line(f"{open_count} measurements pending; they are processed when the same bag is continued")
     return 1 if left or open_count else 0
 
 
@@ -77,9 +80,9 @@ def print_outcome(outcome: Verdict | Rejection) -> None:
     """Print an outcome in one line."""
     if isinstance(outcome, Verdict):
         speed = f"; {outcome.advice[0]}" if outcome.advice and outcome.decision != "accept" else ""
-        print_line(f"{outcome.decision.upper():9} {outcome.weld_id}: {outcome.reason}{speed}")
+        print_line(f"{outcome.decision.upper():10} {outcome.weld_id}: {outcome.reason}{speed}")
     else:
-        print_line(f"UNUSABLE  {outcome.source}: {outcome.reason}; {outcome.remedy}")
+        print_line(f"UNREADABLE {outcome.source}: {outcome.reason}; {outcome.remedy}")
 
 
 def print_line(text: str) -> None:

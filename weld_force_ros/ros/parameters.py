@@ -66,7 +66,7 @@ PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
     ),
     "simulator_node": (
         _AUTOSTART,
-        NodeParameter("track", "bilbao", "a shipped track, or the path of a track file (YAML)"),
+        NodeParameter("track", "bilbao", "a bundled track, or the path of a track file (YAML)"),
         NodeParameter("engine", "common-poles", "common-poles, rfp or reference"),
         NodeParameter("speeds", "20:300:5", "speeds in km/h: first:last:step, or a list", live=True, is_list=True),
         NodeParameter(
@@ -83,11 +83,11 @@ PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
             0,
             10_000,
         ),
-        NodeParameter("uncertainty", "", "file of what is not known (YAML); empty: the shipped one"),
+        NodeParameter("uncertainty", "", "file of what is uncertain (YAML); empty: the bundled one"),
     ),
     "assessment_node": (
         _AUTOSTART,
-        NodeParameter("limits", "", "file of limits (YAML); empty: the shipped ones", live=True),
+        NodeParameter("limits", "", "file of limits (YAML); empty: the bundled ones", live=True),
         NodeParameter("bag", "", "folder to record to; a recording there is continued; empty: no recording"),
         NodeParameter("split_mb", 256.0, "MB after which a new file of the bag is begun", 1.0, 1e6),
         NodeParameter("split_minutes", 60.0, "minutes after which a new file of the bag is begun", 0.1, 1e5),

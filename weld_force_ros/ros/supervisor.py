@@ -143,5 +143,5 @@ def supervise(parameters: Mapping[Kind, Mapping[str, Any]], ros_args: Sequence[s
         with supervisor:
             while not stop.wait(_POLL_S):
                 supervisor.restart_dead()
-            print_line("stopping: each node finishes what it has taken")
+            print_line("shutting down, each node finishes its queue")
     return supervisor.code

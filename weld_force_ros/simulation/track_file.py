@@ -104,7 +104,7 @@ def load(name_or_path: str) -> TrackDefinition:
     path = Path(name_or_path)
     if path.suffix.lower() not in (".yaml", ".yml") or not os.path.isfile(path):  # Path.is_file raises on long names
         raise TrackError(
-            f"track {name_or_path!r} is neither shipped nor a YAML file", f"use {', '.join(shipped())} or FILE.yaml"
+            f"track {name_or_path!r} is neither bundled nor a YAML file", f"use {', '.join(shipped())} or FILE.yaml"
         )
     try:
         text = _yaml.read(path).decode()

@@ -102,8 +102,7 @@ class AssessmentNode(LifecycleNodeBase):
         self._ledger = self._outcomes.ledger
         if bag is not None:
             self.get_logger().info(
-                f"recording to {bag}: {self._ledger.settled_count} measurements have their outcome, "
-                f"{self._ledger.open_count} are open"
+                f"recording to {bag}: {self._ledger.settled_count} processed, {self._ledger.open_count} pending"
             )
         self._verdicts = VerdictPublisher(self.topics, limits)
         self._worker: Worker[Callable[[], None]] = Worker(
