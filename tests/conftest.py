@@ -23,6 +23,13 @@ settings.register_profile("core", deadline=None, max_examples=40)
 settings.load_profile("core")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Trace the fast tests only: tracing nearly doubles the time of the slow ones, and adds few lines to the cover."""
+    for item in items:
+        if item.get_closest_marker("slow"):
+            item.add_marker("no_cover")
+
+
 @pytest.fixture(scope="session")
 def definitions() -> dict[str, TrackDefinition]:
     return {name: track_file.load(name) for name in track_file.shipped()}

@@ -20,7 +20,7 @@ def test_rows_come_to_the_page_as_verdicts_are_published(monkeypatch: pytest.Mon
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     monkeypatch.setenv("ROS_DOMAIN_ID", str(101 + os.getpid() % 100))
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
-    result = dashboard.run(0.2, rate_hz=2.0, samples=2)
+    result = dashboard.run(0.1, rate_hz=3.0, samples=2)
     assert (result.shown, result.complaints) == (result.welds, [])
     assert result.welds > 10
     assert result.figures["delay ms, median"] < 1000
