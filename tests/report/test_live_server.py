@@ -24,8 +24,11 @@ from weld_force_ros.messages import (
     config_sha256,
     profile_sha256,
 )
+from weld_force_ros.recording.weld_records import Record
+from weld_force_ros.report import live_report
 from weld_force_ros.report.live_report import LiveReport
 from weld_force_ros.report.live_server import Server, _Http
+from weld_force_ros.report.weld_detail import detail
 
 PAGE = "<!doctype html><title>page</title>"
 LIMITS = load_limits()
@@ -99,6 +102,30 @@ def test_rejections_are_rows(tmp_path):
     report.add(Rejection(source="a.csv", reason="no units", remedy="state them"))
     assert rows(report)[0]["decision"] == "unusable"
     assert content(report, 1)["rejection"]["reason"] == "no units"
+
+
+@pytest.mark.parametrize(
+    "message", [parts("KM12")[3], Rejection(source="a.csv", reason="no units", remedy="state them")]
+)
+def test_details_are_there_before_the_row_that_leads_to_them(tmp_path, monkeypatch, message):
+    report, kept = LiveReport(tmp_path), []
+
+    def note_rows(record: Record) -> bytes:
+        kept.append(rows(report))
+        return detail(record)
+
+    monkeypatch.setattr(live_report, "detail", note_rows)
+    report.add(message)
+    assert kept == [[]]
+    assert len(rows(report)) == report.count == 1
+
+
+def test_a_row_is_kept_though_its_details_cannot_be_written(tmp_path):
+    report = LiveReport(tmp_path / "gone")
+    for number, message in enumerate([parts("KM12")[3], Rejection(source="a.csv", reason="x", remedy="y")], 1):
+        with pytest.raises(OSError, match="gone"):
+            report.add(message)
+        assert [row["n"] for row in rows(report)][-1] == number
 
 
 def test_only_the_newest_are_kept_in_memory_and_on_disk(tmp_path):

@@ -84,12 +84,12 @@ def test_what_keeps_a_node_from_its_work_does_not_pass(watch: Watch) -> None:
 def test_node_recovers_after_a_rejected_file(
     domain_id: int, probe: Probe, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(diagnostics, "RECOVERY_S", 2.5)
     arrays = probe.collect("/diagnostics", DiagnosticArray, qos.DIAGNOSTICS)
     (folder / "bad.csv").write_text("# x_unit: mm\nx,z\n0,nonsense\n")
     with NodeSuite(("profile",), parameters={"profile": {"folder": str(folder), "settle_s": 0.05}}):
         (warned, *_) = arrays.wait(1, lambda a: a.status[0].level == WARN)
         assert warned.status[0].message.startswith("bad.csv: ")
+        monkeypatch.setattr(diagnostics, "RECOVERY_S", 0.0)  # not before a warning has come, however late it comes
         (recovered, *_) = arrays.wait(
             1, lambda a: a.status[0].level == OK and values(a.status[0]).get("published rejection") == "1"
         )

@@ -2,6 +2,8 @@
 
 import threading
 from collections import OrderedDict, deque
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -114,19 +116,23 @@ class LiveReport:
                 self._write_judged_by(message.limits_sha256)
             case Rejection():
                 self._partial.pop(str(message.profile_id), None)
-                self._write(self._add_row(RejectedRecord(message)), RejectedRecord(message))
+                with self._new_row(RejectedRecord(message)) as number:
+                    self._write(number, RejectedRecord(message))
             case WeldProfile() | ForceMap() | ForceHistory() | Verdict():
                 self._add_part(message)
 
     def _add_part(self, message: WeldProfile | ForceMap | ForceHistory | Verdict) -> None:
         measurement = identity(message)
         weld = self._partial.get(measurement) or _PartialWeld()
+        _keep(self._partial, measurement, weld, _MOST_PARTIAL)
         if isinstance(message, Verdict):
-            weld.number, weld.verdict = self._add_row(WeldRecord(message)), message
+            with self._new_row(WeldRecord(message)) as number:
+                weld.number, weld.verdict = number, message
+                is_complete = self._write_weld(weld)
         else:
             weld.put(message)
-        _keep(self._partial, measurement, weld, _MOST_PARTIAL)
-        if self._write_weld(weld):
+            is_complete = self._write_weld(weld)
+        if is_complete:
             del self._partial[measurement]
 
     def _write_judged_by(self, sha256: str) -> None:
@@ -151,14 +157,22 @@ class LiveReport:
         self._write(weld.number, record)
         return len(weld.packed) == _PARTS_BESIDE_VERDICT and record.settings is not None and record.limits is not None
 
-    def _add_row(self, record: Record) -> int:
-        encoded = msgspec.json.encode(row(self._last + 1, record))
-        with self._lock:
-            self._last += 1
-            self._rows.append(encoded)
-            dropped = self._last - len(self._rows)
-        self._file(dropped).unlink(missing_ok=True)
-        return self._last
+    @contextmanager
+    def _new_row(self, record: Record) -> Iterator[int]:
+        """Give the number of a new row, to write its details; afterwards add the row, whether they were written or not.
+
+        In this order, as a page that sees a row may ask for its details at once.
+        """
+        number = self._last + 1
+        encoded = msgspec.json.encode(row(number, record))
+        try:
+            yield number
+        finally:
+            with self._lock:
+                self._last = number
+                self._rows.append(encoded)
+                dropped = number - len(self._rows)
+            self._file(dropped).unlink(missing_ok=True)
 
     def _write(self, number: int, record: Record) -> None:
         if number <= self._last - len(self._rows):

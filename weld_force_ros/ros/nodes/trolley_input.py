@@ -68,11 +68,11 @@ class TrolleyInput:
             "trolley", lambda job: job(), topics.report_problem, on_room=node.wake
         )
         self._gate = BackPressureGroup(lambda: self._node.active and self._worker.has_room)
-        self._subscriptions = [
-            self._subscribe(RailSurface, self._take_surface),
-            self._subscribe(WeldMarker, self._take_marker),
+        self._samples = [
+            self._subscribe(RailSurface, lambda serialized: self._worker.put(lambda: self._take_surface(serialized))),
             self._subscribe_to_points(qos.STREAM),
         ]
+        self._marks = self._subscribe(WeldMarker, self._queue_marker)
         self._service = node.create_service(Trigger, CAPTURE_SERVICE, self._capture_weld)
         self._timer = node.create_timer(
             _LOOK_EVERY_S, self._look_for_welds, clock=Clock(clock_type=ClockType.STEADY_TIME)
@@ -84,7 +84,7 @@ class TrolleyInput:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        for subscription in self._subscriptions:
+        for subscription in (*self._samples, self._marks):
             self._node.destroy_subscription(subscription)
         self._node.destroy_service(self._service)
         self._node.destroy_timer(self._timer)
@@ -114,10 +114,7 @@ class TrolleyInput:
             "point clouds refused": self._malformed,
         }
 
-    def _subscribe(self, kind: type[Message], handle: Callable[[SerializedMessage], None]) -> Subscription:
-        def queue(serialized: SerializedMessage) -> None:
-            self._worker.put(lambda: handle(serialized))
-
+    def _subscribe(self, kind: type[Message], queue: Callable[[SerializedMessage], None]) -> Subscription:
         return subscribe_raw(
             self._node, String, TOPICS[kind].name, qos.subscription_qos(TOPICS[kind]), queue, self._gate
         )
@@ -126,7 +123,7 @@ class TrolleyInput:
         return self._node.create_subscription(
             PointCloud2,
             point_cloud.TOPIC,
-            lambda cdr: self._worker.put(lambda: self._take_points(cdr)),
+            lambda cdr, _: self._worker.put(lambda: self._take_points(cdr)),
             profile,
             raw=True,
             callback_group=self._gate,
@@ -135,11 +132,28 @@ class TrolleyInput:
 
     def _accept_best_effort(self) -> None:
         """Subscribe once more with best effort: a driver that publishes so sends nothing to reliable subscribers."""
-        if len(self._subscriptions) == 3:
-            self._subscriptions.append(self._subscribe_to_points(_BEST_EFFORT))
+        if len(self._samples) == 2:
+            self._samples.append(self._subscribe_to_points(_BEST_EFFORT))
             self._node.get_logger().warning(
                 f"a driver publishes {point_cloud.TOPIC} with best effort: what is lost on the way is a gap in the rail"
             )
+
+    def _queue_arrived_samples(self) -> None:
+        """Queue the samples that wait in the middleware, as far as there is room.
+
+        The executor takes one message of each topic in turn: a mark would overtake them, and count for where the
+        trolley was before.
+        """
+        for subscription in self._samples:
+            with subscription.handle:
+                while self._worker.has_room and (
+                    sample := subscription.handle.take_message(subscription.msg_type, subscription.raw)
+                ):
+                    subscription.callback(*sample)
+
+    def _queue_marker(self, serialized: SerializedMessage) -> None:
+        self._queue_arrived_samples()
+        self._worker.put(lambda: self._take_marker(serialized))
 
     def _take_surface(self, serialized: SerializedMessage) -> None:
         incoming = self._topics.receive(RailSurface, serialized)
@@ -194,6 +208,8 @@ class TrolleyInput:
 
     def _capture_weld(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Mark a weld, queued behind the samples that came before: the place is where the trolley is by then."""
+        if self._node.active:
+            self._queue_arrived_samples()
         with self._lock:
             here_m = self._here_m
         if not self._node.active:

@@ -19,6 +19,7 @@ from weld_force_ros.ros.nodes.trolley_input import CAPTURE_SERVICE
 
 _POLL_S = 0.05
 _ANSWER_S = 5.0
+_PRESS_AGAIN_S = 0.5
 _MARKS = ("marker", "service", "none")
 _FORMS = ("json", "points")
 
@@ -138,15 +139,25 @@ class TrolleyNode(LifecycleNodeBase):
             self._call_service()
 
     def _call_service(self) -> None:
-        """Mark a weld by the service; the trolley stands still until there is an answer."""
+        """Mark a weld by the service, again while that is refused; the trolley stands still until there is an end."""
         self.topics.wait_until_acknowledged(_ANSWER_S)
+        if self._form == "points":
+            self._points.wait_until_acknowledged(time.monotonic() + _ANSWER_S)
+        deadline = time.monotonic() + _ANSWER_S
+        while (problem := self._press()) and time.monotonic() < deadline and not self._stopped.wait(_PRESS_AGAIN_S):
+            pass
+        if problem:
+            self.topics.report_problem(f"{CAPTURE_SERVICE}: {problem}")
+
+    def _press(self) -> str:
+        """Call the service; return why no weld is marked, or an empty text."""
         answered = threading.Event()
         future = self._client.call_async(Trigger.Request())
         future.add_done_callback(lambda _: answered.set())
         if not answered.wait(_ANSWER_S):
-            self.topics.report_problem(f"{CAPTURE_SERVICE} did not answer within {_ANSWER_S:g} s")
-        elif not future.result().success:
-            self.topics.report_problem(f"{CAPTURE_SERVICE}: {future.result().message}")
+            return f"no answer within {_ANSWER_S:g} s"
+        response = future.result()
+        return "" if response.success else str(response.message)
 
 
 def _check_choice(values: dict[str, Any], name: str, choices: tuple[str, ...]) -> None:
