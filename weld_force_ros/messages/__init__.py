@@ -24,6 +24,7 @@ from weld_force_ros.messages.codec import M, decode, encode, legible
 from weld_force_ros.messages.fields import (
     MAX_CELLS,
     MAX_IDS,
+    MAX_MEASURED_SPACING_M,
     MAX_MESSAGE_BYTES,
     MAX_POSITIONS,
     MAX_PROFILE_AMPLITUDE_M,
@@ -42,6 +43,7 @@ from weld_force_ros.messages.fields import (
     Engine,
     ForceN,
     GeometryKind,
+    IrregularityKind,
     LengthUnit,
     Message,
     Metres,
@@ -64,6 +66,7 @@ from weld_force_ros.messages.fields import (
 )
 from weld_force_ros.messages.live import Inquiry, RailSurface, Rejection, Settled, WeldMarker
 from weld_force_ros.messages.profile import (
+    MeasurementNoise,
     ProfileMeasures,
     WeldProfile,
     identity,
@@ -85,6 +88,7 @@ from weld_force_ros.messages.topics import SCHEMAS, TOPICS, Topic, json_schema
 __all__ = [
     "MAX_CELLS",
     "MAX_IDS",
+    "MAX_MEASURED_SPACING_M",
     "MAX_MESSAGE_BYTES",
     "MAX_POSITIONS",
     "MAX_PROFILE_AMPLITUDE_M",
@@ -112,9 +116,11 @@ __all__ = [
     "GrindingAdvice",
     "HollowBand",
     "Inquiry",
+    "IrregularityKind",
     "LengthUnit",
     "Limit",
     "M",
+    "MeasurementNoise",
     "Message",
     "Metres",
     "Name",

@@ -99,6 +99,7 @@ class Criterion(msgspec.Struct, kw_only=True, frozen=True):
 
     Attributes:
         speed_kmh, position_m: of the passage that the value is from; absent for what the geometry says by itself.
+        low, high: 5 and 95 % of the value over the samples of what is uncertain.
         exceeding: share of samples of the unknown that exceed the limit.
         driver: which of the unknown quantities the value varies with most.
         driver_share: of the value's variance.
@@ -118,6 +119,8 @@ class Criterion(msgspec.Struct, kw_only=True, frozen=True):
     speed_kmh: SpeedKmh | UnsetType = UNSET
     position_m: Metres | UnsetType = UNSET
     x_m: Metres | UnsetType = UNSET
+    low: float | UnsetType = UNSET
+    high: float | UnsetType = UNSET
     exceeding: Annotated[float, Meta(ge=0.0, le=1.0)] | UnsetType = UNSET
     exceeding_reject: Annotated[float, Meta(ge=0.0, le=1.0)] | UnsetType = UNSET
     driver: Annotated[str, Meta(max_length=200)] | UnsetType = UNSET

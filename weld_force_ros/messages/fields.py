@@ -10,7 +10,7 @@ from msgspec import UNSET, Meta, UnsetType
 
 T = TypeVar("T")
 
-SCHEMA_VERSION = "1.2"
+SCHEMA_VERSION = "1.3"
 MAX_MESSAGE_BYTES = 16 * 2**20
 MAX_SAMPLES = 50_000
 MAX_SPEEDS = 1_000
@@ -21,6 +21,7 @@ MAX_IDS = 1_000
 MAX_SAMPLED = 10_000
 MIN_PROFILE_SAMPLES = 20
 MAX_PROFILE_SPACING_M = 0.010
+MAX_MEASURED_SPACING_M = 0.035  # bridged gaps included
 MAX_PROFILE_AMPLITUDE_M = 0.010
 MAX_PROFILE_LENGTH_M = 5.0
 SHA256_PATTERN = r"^[0-9a-f]{64}(?!\n)$"  # to Python, $ alone is also before a last line break
@@ -51,6 +52,7 @@ CurveClass = Annotated[
 ]
 UnknownPosition = Annotated[Literal["undecided", "worst"], Meta(extra_json_schema={"type": "string"})]
 Engine = Annotated[Literal["common-poles", "rfp", "reference"], Meta(extra_json_schema={"type": "string"})]
+IrregularityKind = Annotated[Literal["weld", "joint", "squat"], Meta(extra_json_schema={"type": "string"})]
 LengthUnit = Annotated[Literal["m", "cm", "mm", "um"], Meta(extra_json_schema={"type": "string"})]
 UpOrDown = Annotated[Literal["up", "down"], Meta(extra_json_schema={"type": "string"})]
 ProfileId = Annotated[

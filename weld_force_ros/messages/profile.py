@@ -9,11 +9,14 @@ import msgspec
 from msgspec import UNSET, Meta, UnsetType
 
 from weld_force_ros.messages.fields import (
+    MAX_MEASURED_SPACING_M,
     MAX_PROFILE_AMPLITUDE_M,
     MAX_PROFILE_LENGTH_M,
     MAX_PROFILE_SPACING_M,
+    MAX_SAMPLES,
     MIN_PROFILE_SAMPLES,
     GeometryKind,
+    IrregularityKind,
     Message,
     Metres,
     Name,
@@ -26,10 +29,32 @@ from weld_force_ros.messages.fields import (
 )
 
 
-class WeldProfile(Message, kw_only=True):
-    """A measured weld: heights along the rail, conditioned, about the weld's centre.
+class MeasurementNoise(msgspec.Struct, kw_only=True, frozen=True):
+    """What is known of the noise in measured heights, and how the geometry was estimated from them.
 
-    `x_m` runs in the running direction with 0 at the weld's centre and increases strictly; `z_m` is positive up.
+    The posterior of the geometry is computed again from this and the measured samples.
+
+    Attributes:
+        method: of the estimate; `none`: the samples are the geometry.
+        noise_m: standard deviation of the measurement noise, rounding included.
+        stated: whether the noise was known, not estimated.
+        resolution_m: the step in which heights were written; absent if there is none.
+        outliers_m: positions of the samples that were set aside as wrong.
+    """
+
+    method: Name
+    noise_m: Annotated[float, Meta(description="m, standard deviation", ge=0.0)]
+    stated: bool = False
+    resolution_m: Annotated[float, Meta(description="m", gt=0.0)] | UnsetType = UNSET
+    outliers_m: Annotated[list[float], Meta(max_length=MAX_SAMPLES)] = []
+
+
+class WeldProfile(Message, kw_only=True):
+    """A measured weld: the rail's geometry, conditioned, about the weld's centre.
+
+    `x_m` runs in the running direction with 0 at the weld's centre and increases strictly; `z_m` is positive up. Where
+    the geometry was estimated from noisy samples, these stand beside it: `measured_x_m`, `measured_z_m`, levelled and
+    centred like the estimate, and `noise`.
     """
 
     weld_id: Name
@@ -47,14 +72,34 @@ class WeldProfile(Message, kw_only=True):
         Annotated[float, Meta(description="m of the weld's centre after the preceding sleeper", ge=0.0)] | UnsetType
     ) = UNSET
     conditioning: Annotated[list[Text], Meta(max_length=50)] = []
+    measured_x_m: Samples | UnsetType = UNSET
+    measured_z_m: Samples | UnsetType = UNSET
+    noise: MeasurementNoise | UnsetType = UNSET
+    format: Name | UnsetType = UNSET
+    kind: IrregularityKind | UnsetType = UNSET
+    operator: Name | UnsetType = UNSET
+    measured_on: Annotated[Name, Meta(description="date as the file states it")] | UnsetType = UNSET
+    file_version_of: (
+        Annotated[
+            Name,
+            Meta(
+                description="the file that it was read from: of measurements of one weld with the same, the last counts"
+            ),
+        ]
+        | UnsetType
+    ) = UNSET
 
     def problem(self) -> str | None:
         """Return why the geometry cannot be simulated, or that the hash is not that of the samples; else None."""
-        return profile_problem(self.x_m, self.z_m) or (
-            None
-            if self.profile_sha256 == profile_sha256(self.x_m, self.z_m)
-            else "profile_sha256 is not the hash of x_m and z_m"
-        )
+        if problem := profile_problem(self.x_m, self.z_m):
+            return problem
+        if self.profile_sha256 != profile_sha256(self.x_m, self.z_m):
+            return "profile_sha256 is not the hash of x_m and z_m"
+        if isinstance(self.measured_x_m, UnsetType) or isinstance(self.measured_z_m, UnsetType):
+            alone = not isinstance(self.measured_x_m, UnsetType) or not isinstance(self.measured_z_m, UnsetType)
+            return "measured_x_m and measured_z_m must come together" if alone else None
+        problem = profile_problem(self.measured_x_m, self.measured_z_m, spacing_m=MAX_MEASURED_SPACING_M)
+        return f"measured: {problem}" if problem else None
 
 
 class ProfileMeasures(msgspec.Struct, kw_only=True, frozen=True):
@@ -68,9 +113,15 @@ class ProfileMeasures(msgspec.Struct, kw_only=True, frozen=True):
         float, Meta(description="m, largest distance between the rail and a straightedge of 1 m on it", ge=0.0)
     ]
     spacing_m: Annotated[float, Meta(description="m, largest distance of samples", gt=0.0)]
+    noise_m: Annotated[float, Meta(description="m, standard deviation of the noise", ge=0.0)] | UnsetType = UNSET
+    resolution_m: (
+        Annotated[float, Meta(description="m, the step in which heights were written", gt=0.0)] | UnsetType
+    ) = UNSET
 
 
-def profile_problem(x_m: Sequence[float], z_m: Sequence[float]) -> str | None:
+def profile_problem(
+    x_m: Sequence[float], z_m: Sequence[float], *, spacing_m: float = MAX_PROFILE_SPACING_M
+) -> str | None:
     """Return why a geometry cannot be simulated, in one clause, or None.
 
     Bounds (design.md): 20 samples or more, x increasing, spacing up to 10 mm, heights spanning up to 10 mm, length up
@@ -92,8 +143,8 @@ def profile_problem(x_m: Sequence[float], z_m: Sequence[float]) -> str | None:
     if length > MAX_PROFILE_LENGTH_M * (1 + 1e-9):
         return f"length {length:.3f} m, at most {MAX_PROFILE_LENGTH_M:g} m"
     widest = max(range(len(steps)), key=steps.__getitem__)
-    if steps[widest] > MAX_PROFILE_SPACING_M * (1 + 1e-9):
-        bound_mm = MAX_PROFILE_SPACING_M * 1e3
+    if steps[widest] > spacing_m * (1 + 1e-9):
+        bound_mm = spacing_m * 1e3
         return f"spacing {steps[widest] * 1e3:.3g} mm after sample {widest + 1}, at most {bound_mm:g} mm"
     amplitude = max(z_m) - min(z_m)
     if amplitude > MAX_PROFILE_AMPLITUDE_M * (1 + 1e-9):

@@ -1,6 +1,6 @@
 """Declare what a simulation is asked for and what it returns: settings, force map, force history."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import UNSET, Meta, UnsetType
@@ -51,6 +51,17 @@ class Uncertainty(msgspec.Struct, kw_only=True, frozen=True):
     radius_high_m: Annotated[float, Meta(description="m, of a new wheel", gt=0.05, lt=2.0)]
     source: Text
     verified: bool = False
+    design: (
+        Annotated[
+            Literal["quasi-random"],
+            Meta(
+                extra_json_schema={"type": "string"},
+                description="how samples are drawn and simulated: quasi-random, where they can be the worst; if unset,"
+                " random levels, at every speed and position",
+            ),
+        ]
+        | UnsetType
+    ) = UNSET
 
 
 class SimulationSettings(Message, kw_only=True):
@@ -68,6 +79,13 @@ class SimulationSettings(Message, kw_only=True):
     static_load_n: Annotated[float, Meta(description="N", gt=0.0)]
     wheel_radius_m: Annotated[float, Meta(description="m", gt=0.05, lt=2.0)]
     hertz_n_per_m15: Annotated[float, Meta(description="N/m^1.5", gt=0.0)]
+    contact_patch_m: (
+        Annotated[
+            float,
+            Meta(description="m, half length of the contact patch that heights are averaged over", gt=0.0, lt=0.05),
+        ]
+        | UnsetType
+    ) = UNSET
     uncertainty: Uncertainty | UnsetType = UNSET
 
     def problem(self) -> str | None:
