@@ -17,6 +17,8 @@ def straightedge_gap(heights, reach):
     for first in range(heights.shape[0] - reach):
         count = 0
         for i in range(first, first + reach + 1):
+            if first < i < first + reach and heights[i - 1] == heights[i] == heights[i + 1]:
+                continue  # on a level stretch, which its ends span
             while count > 1:
                 a, b = hull[count - 2], hull[count - 1]
                 if (heights[b] - heights[a]) * (i - a) > (heights[i] - heights[a]) * (b - a):
