@@ -43,7 +43,7 @@ from weld_force_ros.assessment.judge import Assessment, assess, judge
 from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.errors import InputError, WeldForceError
 from weld_force_ros.measurement import profile_file
-from weld_force_ros.measurement.profile_file import PlainForm
+from weld_force_ros.measurement.instruments import InstrumentFormat
 from weld_force_ros.messages import (
     TOPICS,
     AssessmentSettings,
@@ -67,6 +67,7 @@ from weld_force_ros.ros.sequence_tracker import read_header
 from weld_force_ros.simulation import simulator, track_file
 from weld_force_ros.simulation.settings import simulation_settings
 
+from ..harness.foreign_forms import all_forms
 from . import mutations
 from .mutations import Mutation, mutated
 
@@ -243,27 +244,56 @@ def _message_seeds(kind: type[Message]) -> list[bytes]:
     return [encode(message) for message in _messages(kind)]
 
 
+def _dip_um(i: int) -> float:
+    """Return the height of a weld at the i-th of 81 samples."""
+    return -100 * math.sin(math.pi * i / 80) ** 4
+
+
 @lru_cache
 def _profile_files() -> list[bytes]:
-    rows = "\n".join(f"{i * 5},{-100 * math.cos(i / 10):.1f}" for i in range(41))
+    rows = "\n".join(f"{i * 5},{_dip_um(i):.1f}" for i in range(81))
     head = "# weld_id: KM12-L-004\n# x_unit: mm\n# z_unit: um\n# z_positive: up\n"
     more = "# rail: left\n# chainage_m: 12004.25\n# line_speed_kmh: 160\n# weld_position_m: 0.3\n# detrend: none\n"
     shipped = profile_file.shipped()["cosine-dip-48mm"].read_bytes()
-    return [f"{head}x,z\n{rows}\n".encode(), f"{head}{more}# centre: 100\n# free text\n{rows}\n".encode(), shipped]
+    return [
+        f"{head}x,z\n{rows}\n".encode(),
+        f"{head}{more}# noise: none\n# centre: 100\n# free text\n{rows}\n".encode(),
+        shipped,
+    ]
+
+
+@lru_cache
+def _instrument_files() -> list[bytes]:
+    """Return short records in the forms that instruments and people write."""
+    wanted = {
+        *("windows-1252.csv", "utf-16-tab.txt", "utf-16-unmarked.txt", "key-value-block.csv", "toa5.dat", "jcamp.jdx"),
+        *(
+            "weld-blocks.txt",
+            "weld-column.csv",
+            "footer.csv",
+            "percent-comments.txt",
+            "units-row.csv",
+            "missing-bad.csv",
+        ),
+        *("fixed-width-glued.txt", "thousands-comma-quoted.csv", "chainage-plus.csv", "railprof.txt", "bars.txt"),
+        *("graw-series.csv", "one.zip", "protocol.xlsx", "off-centre.csv", "sections.txt"),
+    }
+    return [form.data for form in all_forms() if form.name in wanted]
 
 
 _FORMS = (
-    PlainForm(x_unit="mm", z_unit="um", z_positive="up"),
-    PlainForm(x_unit="mm", z_unit="um", z_positive="down", spacing=5.0, skip_rows=1, weld_id="W1", detrend="none"),
-    PlainForm(x_unit="cm", z_unit="mm", z_positive="up", skip_rows=2, centre=10.0, line_speed_kmh=80.0),
-    PlainForm(x_unit="mm", z_unit="um", z_positive="up", spacing=float("nan")),
-    PlainForm(x_unit="furlong", z_unit="um", z_positive="sideways", skip_rows=-1),
+    InstrumentFormat(x_unit="mm", z_unit="um", z_positive="up"),
+    InstrumentFormat(x_unit="mm", z_unit="um", z_positive="down", spacing=5.0, skip_rows=1, weld_id="W1", noise="none"),
+    InstrumentFormat(x_unit="mm", z_unit="um", z_positive="up", noise=5e-6, centre=200.0, line_speed_kmh=80.0),
+    InstrumentFormat(x_unit="mm", z_unit="um", z_positive="up", columns={"x": 1, "z": 2}, decimal="point"),
+    InstrumentFormat(x_unit="mm", z_unit="um", z_positive="up", spacing=float("nan")),
+    InstrumentFormat(x_unit="furlong", z_unit="um", z_positive="sideways", skip_rows=-1),
 )
 
 
 @lru_cache
 def _plain_files() -> list[bytes]:
-    heights = [f"{-100 * math.cos(i / 10):.1f}" for i in range(41)]
+    heights = [f"{_dip_um(i):.1f}" for i in range(81)]
     pairs = [(f"{i * 5}.0", z) for i, z in enumerate(heights)]
     return [
         "\n".join(f"{x},{z}" for x, z in pairs).encode(),
@@ -364,14 +394,17 @@ def _use(message: Message, data: bytes) -> bool:
     return False
 
 
-def read_profile_file(form_of: Callable[[bytes], PlainForm | None], data: bytes) -> Reading:
+def read_profile_file(form_of: Callable[[bytes], InstrumentFormat | None], data: bytes) -> Reading:
     """Read a measurement file as `profile_node` does."""
     form = form_of(data)
     try:
-        profile = profile_file.parse_profile(data, "measured.csv", form)
+        profile, *others = (found.profile for found in profile_file.parse_profiles(data, "measured.csv", form))
+        profile_file.is_complete(data, form)
     except InputError as error:
         check_refusal(error)
         return Reading(_holds_rows(data), False)
+    for other in others:
+        check_profile(other.x_m, other.z_m, other.profile_sha256)
     if profile.source_sha256 != hashlib.sha256(data).hexdigest():
         raise DefectError("source_sha256 is not that of the file")
     return Reading(_holds_rows(data), True, _use(profile, data))
@@ -388,8 +421,13 @@ def _holds_rows(data: bytes) -> bool:
         return False
 
 
-def _form_of(data: bytes) -> PlainForm:
+def _form_of(data: bytes) -> InstrumentFormat:
     return _FORMS[zlib.crc32(data) % len(_FORMS)]
+
+
+def _stated_form(data: bytes) -> InstrumentFormat:
+    unit = ("mm", "um", "m")[zlib.crc32(data) % 3]
+    return InstrumentFormat(x_unit="mm", z_unit=unit if zlib.crc32(data) % 4 == 0 else "mm", z_positive="up")
 
 
 def _no_form(_: bytes) -> None:
@@ -539,6 +577,13 @@ KINDS: dict[str, Kind] = {
             (*mutations.MEASUREMENTS, *mutations.LINES),
             partial(read_profile_file, _form_of),
             8,
+        ),
+        Kind(
+            "instrument file",
+            _instrument_files,
+            (*mutations.MEASUREMENTS, *mutations.LINES),
+            partial(read_profile_file, _stated_form),
+            12,
         ),
         Kind("limits file", _limit_files, (*mutations.YAML, *mutations.LINES), read_limits, 4),
         Kind("track file", _track_files, (*mutations.YAML, *mutations.LINES), read_track, 4),

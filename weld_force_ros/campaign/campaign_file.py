@@ -9,7 +9,7 @@ from msgspec import Meta, UnsetType
 from weld_force_ros import _yaml
 from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.errors import InputError
-from weld_force_ros.measurement.profile_file import PlainForm
+from weld_force_ros.measurement.instruments import InstrumentFormat, format_of
 from weld_force_ros.messages import AssessmentSettings, Name, SimulationSettings, legible
 from weld_force_ros.simulation import track_file
 from weld_force_ros.simulation.settings import (
@@ -47,11 +47,9 @@ class SourceEntry(msgspec.Struct, forbid_unknown_fields=True):
             raise ValueError("each source is one of folder, table and bag")
         return given[0]
 
-    def plain_form(self) -> PlainForm | None:
-        """Return what plain files of the folder do not say of themselves."""
-        if unknown := self.form.keys() - PlainForm.__dataclass_fields__.keys():
-            raise ValueError(f"form: {', '.join(sorted(unknown))} is unknown")
-        return msgspec.convert(self.form, PlainForm) if self.form else None
+    def file_format(self) -> InstrumentFormat | None:
+        """Return how files of the folder are to be read, beside what they state themselves."""
+        return format_of(**self.form)
 
 
 class _Vehicle(msgspec.Struct, forbid_unknown_fields=True):
@@ -77,6 +75,7 @@ class _CampaignFile(msgspec.Struct, forbid_unknown_fields=True):
     speeds: str | list[float] = DEFAULT_SPEEDS
     positions: int | str | list[float] = DEFAULT_POSITIONS
     engine: str = "common-poles"
+    contact_patch: str = "on"
     limits: str | None = None
     batch_welds: Annotated[int, Meta(ge=1, le=10_000)] = DEFAULT_BATCH_WELDS
     out: str | None = None
@@ -126,7 +125,7 @@ def read(path: Path) -> Campaign:
     try:
         file = _yaml.decode(_yaml.read(path), _CampaignFile)
         for source in file.sources:
-            _ = source.kind_and_path, source.plain_form()
+            _ = source.kind_and_path, source.file_format()
     except (OSError, msgspec.DecodeError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
         raise InputError(f"campaign {path}: {legible(reason)}", _REMEDY) from None
@@ -172,4 +171,5 @@ def _settings(track: str, vehicle: _Vehicle, file: _CampaignFile, folder: Path) 
         static_load_n=vehicle.static_load_n,
         wheel_radius_m=vehicle.radius_m,
         hertz_n_per_m15=vehicle.hertz_n_per_m15,
+        contact_patch=file.contact_patch,
     )

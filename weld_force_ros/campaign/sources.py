@@ -17,7 +17,8 @@ from weld_force_ros.campaign import profile_table
 from weld_force_ros.campaign.campaign_file import Campaign, SourceEntry
 from weld_force_ros.campaign.profile_table import ProfileRow, RejectedRow
 from weld_force_ros.errors import BagError, InputError, ProfileError
-from weld_force_ros.measurement.profile_file import PlainForm, read_profile
+from weld_force_ros.measurement.instruments import InstrumentFormat
+from weld_force_ros.measurement.profile_file import read_profiles
 from weld_force_ros.messages import WeldProfile, identity
 from weld_force_ros.recording import contract_messages, open_bag
 
@@ -34,7 +35,7 @@ class Source(msgspec.Struct, frozen=True):
         line: name of the line that the welds are on.
         welds: number of welds.
         state: digest of names, sizes and times of change: a source of another state is another source.
-        form: what plain files do not say of themselves.
+        form: how files are to be read, beside what they state themselves.
     """
 
     kind: Literal["folder", "table"]
@@ -43,7 +44,7 @@ class Source(msgspec.Struct, frozen=True):
     line: str
     welds: int
     state: str
-    form: PlainForm | None = None
+    form: InstrumentFormat | None = None
 
 
 class SourceSlice(msgspec.Struct, frozen=True):
@@ -88,7 +89,7 @@ def _sources_of(entry: SourceEntry, campaign: Campaign, say: Callable[[str], Non
         raise InputError(f"{kind} {origin}: not there", "paths lead from the campaign file's folder")
     match kind:
         case "folder":
-            files, form = _files(path), entry.plain_form()
+            files, form = _files(path), entry.file_format()
             found = [Source("folder", str(path), origin, entry.line, len(files), _state(path, files), form)]
         case "table":
             tables = sorted(path.rglob("*.parquet")) if path.is_dir() else [path]
@@ -133,14 +134,25 @@ def _bag(path: Path, origin: str, line: str, unpacked: Path, say: Callable[[str]
 
 
 def _recorded(path: Path) -> Iterator[ProfileRow]:
-    """Yield each measurement of a bag once, and what of it cannot be read."""
-    seen = set()
+    """Yield each measurement of a bag once, of each file the last version, and what of the bag cannot be read."""
+    last = dict[tuple[str, str], str]()
+    for _, message, _ in contract_messages(open_bag(path)):
+        if isinstance(message, WeldProfile):
+            last[_version(message)] = identity(message)
+    seen = set[str]()
     for _, message, _ in contract_messages(open_bag(path)):
         if isinstance(message, BagError):
             yield RejectedRow(path.name, message.reason, message.remedy)
         elif isinstance(message, WeldProfile) and (who := identity(message)) not in seen:
             seen.add(who)
-            yield message
+            if last[_version(message)] == who:
+                yield message
+
+
+def _version(profile: WeldProfile) -> tuple[str, str]:
+    """Return what of several measurements only the last has: the file, or the measurement itself without one."""
+    file = profile.file_version_of
+    return (file, profile.weld_id) if isinstance(file, str) else ("", identity(profile))
 
 
 def batches(sources: list[Source], size: int) -> Iterator[WeldBatch]:
@@ -168,7 +180,12 @@ def read(source: Source, part: SourceSlice) -> Iterator[ProfileRow]:
         return
     for name in part.files:
         try:
-            yield read_profile(path / name, source.form)
+            welds = read_profiles(path / name, source.form)
+            if len(welds) > 1:
+                raise ProfileError(
+                    f"{path / name}: holds {len(welds)} welds", "give a campaign one weld a file, or a bag"
+                )
+            yield welds[0]
         except ProfileError as error:
             legible_name = name.encode(errors="replace").decode()
             yield RejectedRow(legible_name, error.reason.removeprefix(f"{path / name}: "), error.remedy)

@@ -13,7 +13,7 @@ from msgspec import UNSET
 
 from weld_force_ros._files import whole_file
 from weld_force_ros.errors import ProfileError, os_errors_as
-from weld_force_ros.measurement.profile_file import profile_csv
+from weld_force_ros.measurement.profile_file import samples_csv
 from weld_force_ros.measurement.rail_stream import Window
 from weld_force_ros.measurement.weld_marks import WeldMark
 from weld_force_ros.messages import WeldMarker, WeldProfile, profile_sha256
@@ -92,7 +92,7 @@ class CaptureFolder:
             ProfileError: the file exists or cannot be written.
         """
         path = self._folder / profile.source
-        text = profile_csv(profile, str(path))
+        text = samples_csv(profile, noise="auto")
         if path.exists():
             raise ProfileError(f"{path} exists", "keep one rail a folder, or name the rails")
         with (

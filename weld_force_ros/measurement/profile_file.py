@@ -1,62 +1,56 @@
-"""Read and write measurement files: text -> `messages.WeldProfile`.
+"""Read and write measurement files: what an instrument wrote -> `messages.WeldProfile`.
 
-Two forms are read: the CSV form, which states its own units and sign in `# key: value` lines, and plain columns of
-numbers, as trolleys and electronic straightedges export them, for which the user makes the same statements in a
-`PlainForm`. Units, centre and detrending are all that happens here; joining to the rail and the wheel belong to the
-simulation.
+`text_file` makes lines of bytes, `sample_table` finds the rows, `statements` what the header states, `record` orders
+and mends the samples, `plausibility` refuses what no rail can have, `noise` estimates the geometry. This module
+composes them; joining to the rail and the wheel belong to the simulation.
 
-Numbers are handled as exact decimals and the result is rounded to 1e-12 m, so that one geometry has one
-`profile_sha256` whatever units it was exported in. A file with `centre: 0` and `detrend: none` asks for no change; its
-values are kept to the last bit, which lets `write_profile` return any profile exactly.
-
-The bounds of `messages.profile_problem` are applied once, after conditioning: that is the geometry which is simulated,
-and an instrument's tilt, which may exceed 10 mm on its own, is no part of it.
+Numbers are handled as exact decimals and rounded to 1e-12 m, so that one geometry has one `profile_sha256` whatever
+units it was exported in. A file with `centre: 0`, `detrend: none` and `noise: none` asks for no change; its values are
+kept to the last bit, which lets `write_profile` return any profile exactly.
 """
 
 import decimal
-import difflib
 import hashlib
 import itertools
-import math
 import os
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
+import numpy as np
 from msgspec import UNSET
 
 from weld_force_ros._files import whole_file
 from weld_force_ros.errors import ProfileError, os_errors_as
-from weld_force_ros.measurement.text_columns import (
-    MAX_FILE_BYTES,
-    Line,
-    decoded,
-    lines_of,
-    number,
-    quoted,
-    read_columns,
+from weld_force_ros.measurement import geometry, instruments, record, statements
+from weld_force_ros.measurement.instruments import InstrumentFormat
+from weld_force_ros.measurement.numbers import in_metres, is_kilometre_plus, is_missing, number, plain_number, unit_of
+from weld_force_ros.measurement.record import Record, Sample
+from weld_force_ros.measurement.sample_table import SampleTable, find_tables
+from weld_force_ros.measurement.statements import Stated
+from weld_force_ros.measurement.text_file import MAX_FILE_BYTES, TextFile, text_file
+from weld_force_ros.messages import (
+    MAX_PROFILE_LENGTH_M,
+    MAX_SAMPLES,
+    WeldProfile,
+    profile_problem,
+    profile_sha256,
 )
-from weld_force_ros.messages import MAX_SAMPLES, WeldProfile, profile_problem, profile_sha256
 
-_POWER_OF_TEN = {"m": 0, "cm": -2, "mm": -3, "um": -6}
-_MICRO = str.maketrans("µμ", "uu")  # the micro sign and the Greek letter
-_REQUIRED = ("x_unit", "z_unit", "z_positive")
-_TEXTS = ("weld_id", "rail", "instrument")
-_NUMBERS = ("chainage_m", "line_speed_kmh", "weld_position_m")
-_KEYS = (*_REQUIRED, *_TEXTS, *_NUMBERS, "detrend", "centre")
-
-_OWN_UNIT = re.compile(r"(?:^|[\r\n])[ \t]*#+[ \t]*x_unit[ \t]*:[ \t]*\S")
 _FARTHEST_M = 10**7  # no chainage is longer; a number beyond it has the wrong unit
+_LONGEST_REASON = 300  # it may repeat what the file says
+_WIDEST_SPACING = 1e9  # in any unit
+_CHAINAGE_FROM_M = 50.0  # a position so far from zero is a chainage
 _RESOLUTION_M = Decimal("1e-12")
+_ESTIMATE_DECIMALS = 9
 _EXACT = decimal.Context(prec=200, Emax=decimal.MAX_EMAX, Emin=decimal.MIN_EMIN)
 
 _REMEDIES = (  # by what `profile_problem` says
-    ("does not increase", "give columns x,z with x in the running direction, without repeated or reversed samples"),
     ("samples", "measure the whole weld at a spacing of 10 mm or finer"),
     ("length", "check x_unit (stated: {x_unit}), or cut the record to the weld and its surroundings"),
     ("spacing", "check x_unit (stated: {x_unit}), or measure at 10 mm or finer"),
@@ -64,82 +58,89 @@ _REMEDIES = (  # by what `profile_problem` says
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlainForm:
-    """States what a plain file of numbers does not say about itself; what a file does say goes first.
+@dataclass(frozen=True)
+class Understood:
+    """A measured weld and what was understood of its file.
 
     Attributes:
-        x_unit: unit of the positions: m, cm, mm or um.
-        z_unit: unit of the heights: m, cm, mm or um.
-        z_positive: `up` if a protrusion is positive, `down` if a dip is.
-        spacing: distance of the samples in `x_unit`, for a file with heights only.
-        skip_rows: lines to skip at the top.
-        weld_id: name of the weld; the file's stem if absent.
-        rail: which rail.
-        instrument: what it was measured with.
-        chainage_m: chainage of the weld in m.
-        line_speed_kmh: line speed in km/h.
-        weld_position_m: the weld's centre after the preceding sleeper, in m.
-        detrend: `line` removes the line between the two ends, `none` nothing.
-        centre: position of the weld's centre in `x_unit`; the middle of the range if absent.
+        profile: of the weld.
+        form: name of the format.
+        samples: number of samples as measured.
+        spacing_m: usual distance of the samples.
+        problems: what is doubtful, a line each.
     """
 
-    x_unit: str | None = None
-    z_unit: str | None = None
-    z_positive: str | None = None
-    spacing: float | None = None
-    skip_rows: int = 0
-    weld_id: str | None = None
-    rail: str | None = None
-    instrument: str | None = None
-    chainage_m: float | None = None
-    line_speed_kmh: float | None = None
-    weld_position_m: float | None = None
-    detrend: str | None = None
-    centre: float | None = None
+    profile: WeldProfile
+    form: str
+    samples: int
+    spacing_m: float
+    problems: list[str] = field(default_factory=list)
 
 
-class _Statement(NamedTuple):
-    text: str
-    where: str  # a prefix for messages: "line 3: ", or "" for the plain form
-
-
-class _Sample(NamedTuple):
-    line: int
-    x: Decimal
-    z: Decimal
-
-
-def read_profile(path: Path, form: PlainForm | None = None) -> WeldProfile:
-    """Read one measurement file.
+def read_profile(path: Path, form: InstrumentFormat | None = None) -> WeldProfile:
+    """Read a measurement file of one weld.
 
     Args:
-        path: a CSV or plain text file.
-        form: what a plain file does not state itself.
+        path: of the file.
+        form: what the file does not state itself.
 
     Returns:
         The conditioned profile; its `source` is the file's name without folders, the same on every machine.
 
     Raises:
-        ProfileError: the file cannot be read or used; one line with the file, the line, and what to do.
+        ProfileError: the file cannot be read or used, or holds several welds; one line with the file, the line, and
+            what to do.
+    """
+    profiles = read_profiles(path, form)
+    if len(profiles) > 1:
+        raise ProfileError(f"{path}: holds {len(profiles)} welds", "read all of them, with read_profiles")
+    return profiles[0]
+
+
+def read_profiles(path: Path, form: InstrumentFormat | None = None) -> list[WeldProfile]:
+    """Read all welds of a measurement file, as `read_profile` reads one.
+
+    Raises:
+        ProfileError: the file cannot be read, or a weld of it cannot be used.
+    """
+    return [understood.profile for understood in inspect_file(path, form)]
+
+
+def inspect_file(path: Path, form: InstrumentFormat | None = None) -> list[Understood]:
+    """Read all welds of a measurement file, with what was understood of it.
+
+    Raises:
+        ProfileError: the file cannot be read, or a weld of it cannot be used.
     """
     with os_errors_as(ProfileError, path, "give the path of a readable profile file"), path.open("rb") as file:
         raw = file.read(MAX_FILE_BYTES + 1)
     name = path.name.encode("utf-8", "replace").decode()  # a name may hold bytes that no message can
-    return msgspec.structs.replace(parse_profile(raw, str(path), form), source=name[-200:])
+    found = parse_profiles(raw, str(path), form)
+    return [replace(one, profile=msgspec.structs.replace(one.profile, source=name[-200:])) for one in found]
 
 
-def parse_profile(data: str | bytes, source: str, form: PlainForm | None = None) -> WeldProfile:
-    """Read a profile from text, or from the bytes of a file.
+def parse_profile(data: str | bytes, source: str, form: InstrumentFormat | None = None) -> WeldProfile:
+    """Read a profile from text, or from the bytes of a file, that hold one weld.
+
+    Raises:
+        ProfileError: the text cannot be used, or holds several welds.
+    """
+    found = parse_profiles(data, source, form)
+    if len(found) > 1:
+        raise ProfileError(f"{source}: holds {len(found)} welds", "give one weld a file")
+    return found[0].profile
+
+
+def parse_profiles(data: str | bytes, source: str, form: InstrumentFormat | None = None) -> list[Understood]:
+    """Read all welds of a measurement file's text or bytes.
 
     Args:
         data: the text; `source_sha256` is taken of its bytes.
         source: where it comes from, for messages and the profile; its stem is the weld's default name.
-        form: what the text may not state itself; where it does, the text goes first. `spacing` and `skip_rows`
-            are for text without an `x_unit` of its own.
+        form: a format to read it by, and what the user states; where the file states something itself, that goes first.
 
     Returns:
-        The conditioned profile: x in m about the weld's centre, z in m positive up.
+        A conditioned profile for each weld, in the file's order: x in m about the weld's centre, z in m positive up.
 
     Raises:
         ProfileError: the text cannot be used; one line with the source, the line, and what to do.
@@ -147,183 +148,184 @@ def parse_profile(data: str | bytes, source: str, form: PlainForm | None = None)
     raw = data.encode("utf-8", "surrogatepass") if isinstance(data, str) else bytes(data)
     try:
         with decimal.localcontext(_EXACT):
-            return _profile(raw, source, form or PlainForm())
+            return _welds(raw, source, form)
     except ProfileError as error:
-        raise ProfileError(f"{' '.join(source.splitlines())}: {error.reason}", error.remedy) from None
+        reason = error.reason if len(error.reason) <= _LONGEST_REASON else error.reason[:_LONGEST_REASON] + "…"
+        raise ProfileError(f"{_printable(source)}: {_printable(reason)}", error.remedy) from None
 
 
-def _profile(raw: bytes, source: str, form: PlainForm) -> WeldProfile:
-    text = decoded(raw)
-    if _OWN_UNIT.search(text):
-        form = replace(form, spacing=None, skip_rows=0)  # its layout is the CSV form's
-    lines = lines_of(text, form.skip_rows)
-    stated = _statements([line for line in lines if line.is_comment], form)
-    rows = [line for line in lines if not line.is_comment]
-    samples = _samples(rows, form.spacing, stated)
-    x_m, z_m, conditioning = _condition(samples, stated)
-    if form.skip_rows:
-        conditioning.insert(0, f"first {form.skip_rows} lines skipped")
-    _check_bounds(x_m, z_m, samples, stated)
-    content: dict[str, Any] = {"weld_id": Path(source).stem[:200] or source[:200]}
-    content |= {key: stated[key].text for key in _TEXTS if key in stated}
-    content |= {key: _stated_number(stated[key], key) for key in _NUMBERS if key in stated}
-    content |= {"source": source[-200:], "x_m": x_m, "z_m": z_m, "conditioning": conditioning}
-    content |= {"profile_sha256": profile_sha256(x_m, z_m), "source_sha256": hashlib.sha256(raw).hexdigest()}
+def is_complete(raw: bytes, form: InstrumentFormat | None = None) -> bool:
+    """Return whether a file's content says that it is all there: what a half-written one does not.
+
+    Its last line is ended, and it announces its number of samples, has a footer, or reaches as far behind its own zero
+    as it began before it. A file of which that cannot be told may be complete, and one that cannot be read never will.
+
+    Args:
+        raw: the content so far.
+        form: as in `parse_profiles`.
+    """
     try:
-        return msgspec.convert(content, WeldProfile)
-    except msgspec.ValidationError as error:
-        problem, _, field = str(error).partition(" - at `$.")
-        raise ProfileError(f"{field.rstrip('`')}: {problem}", "correct this statement") from None
+        file = text_file(raw, form.encoding if form else None)
+        with decimal.localcontext(_EXACT):
+            tables = _tables(file, form)[0]
+    except ProfileError:
+        return raw.startswith(b"PK")
+    _, samples, header = tables[-1]
+    first, last = samples[0].x, samples[-1].x
+    symmetric = first * last < 0 and abs(first + last) * 2 * len(samples) < abs(last - first)
+    return file.is_ended and ("samples" in header or tables[-1][0].footer > 0 or symmetric)
 
 
-def _stated_number(statement: _Statement, key: str) -> float:
-    value = float(number(statement.text, statement.where + key))
-    if not math.isfinite(value):
-        raise ProfileError(f"{statement.where}{key} {quoted(statement.text)} is too large", "correct this statement")
-    return value
+def _welds(raw: bytes, source: str, stated: InstrumentFormat | None) -> list[Understood]:
+    file = text_file(raw, stated.encoding if stated else None)
+    tables, form = _tables(file, stated)
+    digest = hashlib.sha256(raw).hexdigest()
+    stem = Path(source).stem[:190] or source[:190]
+    found = list[Understood]()
+    for count, (table, samples, header) in enumerate(tables, start=1):
+        name = stem if len(tables) == 1 else f"{stem}-{table.weld or count}"
+        try:
+            found.append(_understood(table, samples, header, form, name, source, digest, file.notes))
+        except ProfileError as error:
+            where = "" if len(tables) == 1 else f"weld {table.weld or count}: "
+            raise ProfileError(f"{where}{error.reason}", error.remedy) from None
+    return found
 
 
-def _statements(comments: list[Line], form: PlainForm) -> dict[str, _Statement]:
-    """Return what header and form state, checked; comments without a known key are free text."""
-    stated: dict[str, _Statement] = {}
-    for line in comments:
-        key, colon, value = (part.strip() for part in line.text.lstrip("#").partition(":"))
-        if not colon or not value:
-            continue
-        if key not in _KEYS:
-            _refuse_misspelling(line.number, key)
-        elif key in stated:
-            raise ProfileError(f"line {line.number}: {key} is stated twice", "keep one statement, one weld a file")
-        else:
-            stated[key] = _Statement(_plain_unit(key, value), f"line {line.number}: ")
-    return _with_form(stated, form)
-
-
-def _refuse_misspelling(line: int, key: str) -> None:
-    if similar := difflib.get_close_matches(key.lower(), _KEYS, n=1, cutoff=0.8):
-        raise ProfileError(f"line {line}: unknown key {quoted(key)}", f"write {similar[0]}, if that is what is meant")
-
-
-def _with_form(stated: dict[str, _Statement], form: PlainForm) -> dict[str, _Statement]:
-    by_form = {key: _plain_unit(key, str(value)) for key in _KEYS if (value := getattr(form, key)) is not None}
-    merged = {key: _Statement(text, "") for key, text in by_form.items()} | stated
-    if missing := [key for key in _REQUIRED if key not in merged]:
-        raise ProfileError(
-            f"{', '.join(missing)} not stated",
-            f"add a line such as '# {missing[0]}: {'up' if missing[0] == 'z_positive' else 'mm'}', "
-            "or state it with the options for plain text files",
-        )
-    _check_choice(merged, "x_unit", tuple(_POWER_OF_TEN))
-    _check_choice(merged, "z_unit", tuple(_POWER_OF_TEN))
-    _check_choice(merged, "z_positive", ("up", "down"))
-    _check_choice(merged, "detrend", ("line", "none"))
-    return merged
-
-
-def _plain_unit(key: str, text: str) -> str:
-    return text.translate(_MICRO) if key.endswith("_unit") else text
-
-
-def _check_choice(stated: Mapping[str, _Statement], key: str, choices: tuple[str, ...]) -> None:
-    if key in stated and stated[key].text not in choices:
-        raise ProfileError(
-            f"{stated[key].where}{key} {quoted(stated[key].text)} is unknown", f"state one of {', '.join(choices)}"
-        )
-
-
-def _samples(rows: list[Line], spacing: float | None, stated: Mapping[str, _Statement]) -> list[_Sample]:
-    """Return the samples in m, z as reported."""
-    names = ["x", "z"] if spacing is None else ["z"]
-    numbers = read_columns(rows, names)
-    if not numbers:
-        raise ProfileError("no samples", "give rows of x,z after the header")
-    if len(numbers) > MAX_SAMPLES:
-        raise ProfileError(
-            f"{len(numbers)} samples, at most {MAX_SAMPLES}", "give one weld a file, at 0.1 mm or coarser"
-        )
-    if spacing is not None:
-        if not (math.isfinite(spacing) and spacing > 0):
-            raise ProfileError(f"spacing {spacing} is not a distance", "state the distance between samples in x_unit")
-        step = Decimal(str(spacing))
-        numbers = [(line, [step * index, z]) for index, (line, (z,)) in enumerate(numbers)]
+def _tables(
+    file: TextFile, stated: InstrumentFormat | None
+) -> tuple[list[tuple[SampleTable, list[Sample], dict[str, Stated]]], InstrumentFormat]:
+    """Return the records of a file and the format by which it is read."""
+    form = stated or InstrumentFormat()
+    if form.name == InstrumentFormat().name:
+        known = instruments.recognised([line.text for line in file.lines])
+        if known is instruments.shipped()["weld-force"] and stated is not None:  # which needs no other layout
+            stated = msgspec.structs.replace(
+                stated, skip_rows=0, spacing=None, columns={}, separator=None, decimal=None
+            )
+        form = (known or InstrumentFormat()).with_statements(stated)
+    if form.refuse:
+        raise ProfileError(form.refuse, "export the heights along the rail")
     return [
-        _Sample(
-            line,
-            _metres(x, stated["x_unit"].text, f"line {line}: x"),
-            _metres(z, stated["z_unit"].text, f"line {line}: z"),
-        )
-        for line, (x, z) in numbers
-    ]
+        part for table in find_tables(file.lines, form, is_ended=file.is_ended) for part in _records(table, form)
+    ], form
 
 
-def _metres(value: Decimal, unit: str, name: str) -> Decimal:
-    metres = value.scaleb(_POWER_OF_TEN[unit])
-    if abs(metres) > _FARTHEST_M:
-        raise ProfileError(f"{name} is {metres:.3g} m", f"check the value and its unit (stated: {unit})")
-    return metres
-
-
-def _condition(samples: list[_Sample], stated: Mapping[str, _Statement]) -> tuple[list[float], list[float], list[str]]:
-    """Apply sign, centre and detrending; return x_m, z_m and what was done."""
-    x_unit, z_unit, z_positive = (stated[key].text for key in _REQUIRED)
-    z_sign = 1 if z_positive == "up" else -1
-    x = [sample.x for sample in samples]
-    z = [sample.z if z_sign > 0 else -sample.z for sample in samples]
-    centre, origin = _centre(x, stated)
-    detrend = stated["detrend"].text if "detrend" in stated else "line"
-    done = [
-        f"x converted from {x_unit} and z from {z_unit} to m" + ("" if z_sign > 0 else ", z turned positive up"),
-        f"centred on x = {float(centre):.12g} m, {origin}",
-    ]
-    if detrend == "none":
-        done.append("not detrended, as stated")
-        if origin == "as stated" and centre == 0:
-            return [float(v) for v in x], [float(v) for v in z], done
-    else:
-        z, line = _without_line(x, z)
-        done.append(line)
-    done.append("rounded to 1e-12 m")
-    return [_rounded(v - centre) for v in x], [_rounded(v) for v in z], done
-
-
-def _centre(x: list[Decimal], stated: Mapping[str, _Statement]) -> tuple[Decimal, str]:
-    if "centre" not in stated:
-        return (x[0] + x[-1]) / 2, "the middle of the range"
-    text, where = stated["centre"]
-    centre = _metres(number(text, where + "centre"), stated["x_unit"].text, where + "centre")
-    if not min(x) <= centre <= max(x):
+def _records(table: SampleTable, form: InstrumentFormat) -> list[tuple[SampleTable, list[Sample], dict[str, Stated]]]:
+    """Return the records of a table, each with its samples in m and what is stated of it."""
+    header = statements.statements(table.statements, form)
+    for key, unit in (("x_unit", table.x_unit), ("z_unit", table.z_unit), ("z_positive", table.z_positive)):
+        if unit is None:
+            continue
+        if key in header and (unit_of(header[key].text) or header[key].text.casefold()) != unit:
+            raise ProfileError(
+                f"{header[key].where}{key} {header[key].text}, but the heading of the column says {unit}",
+                "correct the one that is wrong",
+            )
+        header.setdefault(key, Stated(unit, ""))
+    header = statements.with_format(header, form)
+    samples = _samples(table, form, header)
+    if (count := header.get("samples")) and count.text.isdecimal() and int(count.text) != len(samples):
         raise ProfileError(
-            f"{where}centre {text} lies outside the samples",
-            f"state the weld's centre in x_unit ({stated['x_unit'].text}), within the measured range",
+            f"{count.where}{count.text} samples announced, {len(samples)} are there", "the file is not complete"
         )
-    return centre, "as stated"
+    records = []
+    for part in record.divide(samples):
+        if abs(part[-1].x - part[0].x) <= MAX_PROFILE_LENGTH_M:
+            records.append((table, part, header))
+            continue
+        length_m = abs(part[-1].x - part[0].x)
+        cut = replace(table, notes=[*table.notes, f"cut out of {length_m:.4g} m of rail"])
+        records += [(cut, weld, header) for weld in record.cut_into_welds(record.ordered(part).samples)]
+    return records
 
 
-def _without_line(x: list[Decimal], z: list[Decimal]) -> tuple[list[Decimal], str]:
-    """Return the heights less the line between the two ends, and what was done."""
-    if len(x) < 2 or any(after <= before for before, after in itertools.pairwise(x)):
-        return z, "not detrended"  # such positions are refused with the bounds
-    run, rise = x[-1] - x[0], z[-1] - z[0]
-    offset_um, slope_mm_per_m = float(z[0]) * 1e6, float(rise / run) * 1e3
-    line = f"line between the ends removed: {offset_um:.6g} um at the start, slope {slope_mm_per_m:.6g} mm/m"
-    return [height - z[0] - rise * (at - x[0]) / run for at, height in zip(x, z, strict=True)], line
+def _samples(table: SampleTable, form: InstrumentFormat, header: Mapping[str, Stated]) -> list[Sample]:
+    if len(table.rows) > MAX_SAMPLES:
+        raise ProfileError(
+            f"{len(table.rows)} samples, at most {MAX_SAMPLES}", "give one weld a file, at 0.1 mm or coarser"
+        )
+    sign = -1 if form.x_direction == "against" else 1
+    step = None
+    if form.spacing is not None:
+        if not 0 < form.spacing <= _WIDEST_SPACING:
+            raise ProfileError(f"spacing {form.spacing:g} of the samples", "state it in x_unit, more than 0")
+        step = Decimal(str(form.spacing))
+    marks = tuple(form.missing)
+    found = []
+    for index, row in enumerate(table.rows):
+        where, unit = f"line {row.line}: ", header["x_unit"].text
+        if table.x is None or step is not None:
+            x = (step or Decimal(0)) * index
+        else:
+            text = row.fields[table.x]
+            x = number(text, where + "x", decimal_comma=table.x in table.decimal_comma)
+            unit = "m" if is_kilometre_plus(text) else unit
+        heights = list[Decimal | None]()
+        for column in table.z:
+            text = row.fields[column]
+            missing = is_missing(text, marks)
+            value = None if missing else number(text, where + "z", decimal_comma=column in table.decimal_comma)
+            heights.append(None if value is None else in_metres(value, header["z_unit"].text, where + "z"))
+        texts = [plain_number(row.fields[column], decimal_comma=column in table.decimal_comma) for column in table.z]
+        found.append(Sample(row.line, sign * in_metres(x, unit, where + "x"), heights, texts))
+    return found
 
 
-def _rounded(metres: Decimal) -> float:
-    return float(metres.quantize(_RESOLUTION_M)) + 0.0  # no negative zero: it would change the hash
+def _understood(
+    table: SampleTable,
+    samples: list[Sample],
+    header: Mapping[str, Stated],
+    form: InstrumentFormat,
+    name: str,
+    source: str,
+    digest: str,
+    notes: Sequence[str],
+) -> Understood:
+    exact = header["noise"].text == "none" if "noise" in header else False
+    mended = record.ordered(samples)
+    record.without_nines(mended)
+    measured = len(mended.samples)
+    record.bridged(mended)
+    found = geometry.exact(mended, header) if exact else geometry.estimated(mended, header)
+    done = [*notes, *table.notes, *mended.notes, *found.done]
+    if form.skip_rows:
+        done.insert(0, f"first {form.skip_rows} lines skipped")
+    _check_bounds(found.x_m, found.z_m, mended, header)
+    content: dict[str, Any] = {"weld_id": table.weld or name}
+    content |= {key: header[key].text for key in (*statements.TEXTS, "kind") if key in header}
+    content |= {key: statements.stated_number(header[key], key) for key in statements.NUMBERS if key in header}
+    if "chainage_m" not in content and abs(found.centre) > _CHAINAGE_FROM_M:
+        content["chainage_m"] = round(float(found.centre), 6)
+    content |= {"source": source[-200:], "x_m": found.x_m, "z_m": found.z_m, "conditioning": done[:50]}
+    content |= {"profile_sha256": profile_sha256(found.x_m, found.z_m), "source_sha256": digest}
+    content |= {"format": form.name[:200]} | found.measured
+    try:
+        profile = msgspec.convert(content, WeldProfile)
+    except msgspec.ValidationError as error:
+        problem, _, where = str(error).partition(" - at `$.")
+        raise ProfileError(f"{where.rstrip('`')}: {problem}", "correct this statement") from None
+    if wrong := profile.problem():
+        raise ProfileError(wrong, "correct the file")
+    steps = [float(b.x - a.x) for a, b in itertools.pairwise(mended.samples)]
+    return Understood(profile, form.name, measured, float(np.median(steps)), found.problems)
 
 
-def _check_bounds(x_m: list[float], z_m: list[float], samples: list[_Sample], stated: Mapping[str, _Statement]) -> None:
+def _check_bounds(x_m: list[float], z_m: list[float], mended: Record, header: Mapping[str, Stated]) -> None:
     problem = profile_problem(x_m, z_m)
     if problem is None:
         return
     template = next((remedy for word, remedy in _REMEDIES if word in problem), "correct the file")
     located = re.sub(
         r"sample (\d+)(?: to (\d+))?",
-        lambda match: "line " + " to ".join(str(samples[int(row) - 1].line) for row in match.groups() if row),
+        lambda match: "line " + " to ".join(_line_of(mended, int(row)) for row in match.groups() if row),
         problem,
     )
-    raise ProfileError(located, template.format(x_unit=stated["x_unit"].text, z_unit=stated["z_unit"].text))
+    raise ProfileError(located, template.format(x_unit=header["x_unit"].text, z_unit=header["z_unit"].text))
+
+
+def _line_of(mended: Record, number_of_sample: int) -> str:
+    return str(mended.samples[min(number_of_sample, len(mended.samples)) - 1].line)
 
 
 def write_profile(profile: WeldProfile, path: Path) -> None:
@@ -351,17 +353,32 @@ def profile_csv(profile: WeldProfile, source: str) -> str:
     Raises:
         ProfileError: the profile breaks a bound.
     """
-    present = {key: value for key in (*_TEXTS, *_NUMBERS) if (value := getattr(profile, key)) is not UNSET}
-    stated = present | {"x_unit": "mm", "z_unit": "um", "z_positive": "up", "detrend": "none", "centre": "0"}
-    header = [f"# {key}: {_printable(str(value))}" for key, value in stated.items()]
-    history = [f"# {_printable(step).replace(':', ' -')}" for step in profile.conditioning]
-    rows = [f"{_shifted(x, 3)},{_shifted(z, 6)}" for x, z in zip(profile.x_m, profile.z_m, strict=True)]
-    text = "\n".join([*header, *history, "x,z", *rows]) + "\n"
+    text = samples_csv(profile, noise="none")
     if parse_profile(text, source).profile_sha256 != profile.profile_sha256:
         raise ProfileError(
             f"{source}: profile_sha256 is not that of the samples", "take it from profile_sha256(x_m, z_m)"
         )
     return text
+
+
+def samples_csv(profile: WeldProfile, *, noise: str) -> str:
+    """Return the samples of a profile in the CSV form.
+
+    Args:
+        profile: with its centre within its range.
+        noise: `none` if they are the geometry itself, `auto` if they are to be read as measured.
+    """
+    present = {
+        key: value
+        for key in (*statements.TEXTS, *statements.NUMBERS, "kind")
+        if (value := getattr(profile, key)) is not UNSET
+    }
+    stated = present | {"x_unit": "mm", "z_unit": "um", "z_positive": "up", "detrend": "none", "centre": "0"}
+    stated |= {"noise": noise, "samples": len(profile.x_m)}
+    header = [f"# {key}: {_printable(str(value))}" for key, value in stated.items()]
+    history = [f"# {_printable(step).replace(':', ' -')}" for step in profile.conditioning]
+    rows = [f"{_shifted(x, 3)},{_shifted(z, 6)}" for x, z in zip(profile.x_m, profile.z_m, strict=True)]
+    return "\n".join([*header, *history, "x,z", *rows]) + "\n"
 
 
 def _printable(text: str) -> str:
