@@ -31,6 +31,7 @@ from weld_force_ros.messages import (
     Verdict,
     WeldProfile,
     config_sha256,
+    known,
     profile_sha256,
 )
 from weld_force_ros.physics.analysis.geometry import largest_gradient, straightedge_gap
@@ -69,12 +70,13 @@ class _Grid:
     speeds_kmh: FloatArray
     positions_m: FloatArray
     threads: int | None = None
+    patch_m: float = 0.0
 
     def over(self, profiles: Sequence[Profile], *, low_passed: bool = True) -> list[Passages]:
         """Return the passages over each profile, of shape (n_speed, n_position)."""
         wheel = self.vehicle_track.wheel
         with executor(self.threads) as pool:
-            wheel_paths = list(pool.map(lambda p: wheel_path_over(p[0], p[1], wheel.radius_m), profiles))
+            wheel_paths = list(pool.map(lambda p: wheel_path_over(p[0], p[1], wheel.radius_m, self.patch_m), profiles))
         peak_maps = self.vehicle_track.peak_maps(wheel_paths, self.speeds_kmh, self.positions_m, low_passed=low_passed)
         return [Passages.of_peak_map(peak_map, wheel.static_load_n) for peak_map in peak_maps]
 
@@ -250,7 +252,13 @@ class Adviser:
     def _search(self, profile: WeldProfile, relevant: RelevantMap, on_step: Callable[[], None]) -> _Found:
         """Search, check all speeds and positions, then the reference, until a removal passes both."""
         limits, x, z = _Limits(self._limits, relevant.line_kmh), np.array(profile.x_m), np.array(profile.z_m)
-        grid = _Grid(self._simulator.vehicle_track, relevant.speeds_kmh, relevant.positions_m, self._threads)
+        grid = _Grid(
+            self._simulator.vehicle_track,
+            relevant.speeds_kmh,
+            relevant.positions_m,
+            self._threads,
+            known(self._simulator.settings.contact_patch_m) or 0.0,
+        )
         excess = limits.excess((x, z), relevant.passages)
         limits.watch(excess)
         considered = _added(_spread(grid), _worst_axes(excess))

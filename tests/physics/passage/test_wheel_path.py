@@ -7,7 +7,15 @@ from hypothesis import strategies as st
 
 from tests.harness.oracles import brute_force_trajectory
 from weld_force_ros.measurement.shapes import cosine_dip
-from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, WheelPath, dilated_by_wheel, wheel_path_over
+from weld_force_ros.physics.passage.wheel import Wheel
+from weld_force_ros.physics.passage.wheel_path import (
+    RESAMPLED_STEP_M,
+    WheelPath,
+    WheelPathRoller,
+    averaged_over_patch,
+    dilated_by_wheel,
+    wheel_path_over,
+)
 
 RADIUS_M = 0.45
 
@@ -112,3 +120,57 @@ def test_conditioning_names_what_was_done(dip: Callable[..., WheelPath]):
         "resampled to 0.25 mm by shape-preserving cubics",
         "rolled over by a wheel of radius 0.45 m",
     )
+
+
+@pytest.mark.parametrize("wavelength_m", [0.015, 0.03, 0.1, 0.5])
+def test_patch_averages_waves_by_the_transform_of_its_weight(wavelength_m: float) -> None:
+    half, step = 6.5e-3, 0.05e-3
+    x = np.arange(-0.6, 0.6, step)
+    k = 2 * np.pi / wavelength_m
+    averaged = averaged_over_patch(np.cos(k * x), step, half)
+    # The integral of (1 - (s/a)^2) cos(k s) over the patch, over that of the weight.
+    u = k * half
+    exact = 3 * (np.sin(u) - u * np.cos(u)) / u**3
+    inside = np.abs(x) < 0.5
+    assert averaged[inside] == pytest.approx(exact * np.cos(k * x[inside]), abs=2e-3)
+
+
+def test_patch_keeps_level_and_slope_and_can_be_switched_off(dip: Callable[..., WheelPath]) -> None:
+    x = np.linspace(-0.1, 0.1, 801)
+    assert averaged_over_patch(3.0 + 2.0 * x, 0.25e-3, 7e-3)[50:-50] == pytest.approx(
+        (3.0 + 2.0 * x)[50:-50], rel=1e-12
+    )
+    x = np.linspace(-0.05, 0.05, 201)
+    z = cosine_dip(x, 0.08, 1e-4)
+    assert np.array_equal(wheel_path_over(x, z, RADIUS_M).height_m, wheel_path_over(x, z, RADIUS_M, 0.0).height_m)
+    averaged = wheel_path_over(x, z, RADIUS_M, 6.5e-3)
+    assert 0.93 * 1e-4 < -averaged.height_m.min() < 0.99 * 1e-4
+    assert averaged.height_m[[0, -1]].tolist() == [0.0, 0.0]
+
+
+def test_half_length_of_the_patch_is_that_of_hertz_theory() -> None:
+    wheel = Wheel(900.0, 83_385.0, 0.3, 1e11)
+    # Equal radii: a circle of contact, a^3 = 3 P R / (4 E*) (Johnson, Contact Mechanics, 1985, eq. 4.22).
+    circle = (0.75 * 83_385.0 * 0.3 / (210e9 / (2 * (1 - 0.3**2)))) ** (1 / 3)
+    assert wheel.contact_half_length_m(0.3) == pytest.approx(circle, rel=1e-6)
+    assert wheel.contact_half_length_m(0.3001) == pytest.approx(circle, rel=1e-3)
+    # A larger wheel touches over more of the rail, and a flatter head over less.
+    larger = Wheel(900.0, 83_385.0, 0.46, 1e11)
+    assert 6e-3 < larger.contact_half_length_m() < 7e-3
+    assert larger.contact_half_length_m(0.5) < larger.contact_half_length_m(0.2)
+    # Eight times the load: twice the size.
+    heavy = Wheel(900.0, 8 * 83_385.0, 0.46, 1e11)
+    assert heavy.contact_half_length_m() == pytest.approx(2 * larger.contact_half_length_m(), rel=1e-9)
+
+
+@pytest.mark.parametrize("patch_m", [0.0, 6.7e-3])
+def test_roller_rolls_samples_as_one_by_one(patch_m: float) -> None:
+    x = np.linspace(-0.3, 0.3, 121)
+    samples = np.array([cosine_dip(x, 0.3, depth) for depth in (1e-4, 2e-4, 4e-4)])
+    radii = np.array([0.42, 0.45, 0.46])
+    roller = WheelPathRoller(x, samples, radii, patch_m)
+    rolled = roller.heights(np.arange(3))
+    for z, radius, path in zip(samples, radii, rolled, strict=True):
+        alone = wheel_path_over(x, z, float(radius), patch_m)
+        at = roller.start_m + RESAMPLED_STEP_M * np.arange(len(path))
+        assert path == pytest.approx(alone.at(at), abs=1e-9)

@@ -111,19 +111,24 @@ def make_batch(solver: SteadyStateSolver, speeds_kmh: FloatArray, stride: int, p
     Raises:
         NumericalError: the force on smooth rail does not settle at a speed.
     """
-
-    def tables(speed_kmh: float) -> _SpeedTables:
-        window = solver.steps(stride, TRANSIENT_WINDOW_S * speed_kmh / 3.6)
-        run_out = solver.steps(stride, max(solver.model.spacing_m, RUN_OUT_S * speed_kmh / 3.6))
-        return _SpeedTables(solver.steady_state(speed_kmh, stride), window, run_out)
-
-    speeds = list(pool.map(tables, speeds_kmh.tolist()))
+    speeds = list(pool.map(partial(speed_tables, solver, stride), speeds_kmh.tolist()))
     dense = len(speeds[0].steady_state.step.transitions) > 0
     return SimdBatch(solver, speeds) if USE_SIMD and not dense else ScalarBatch(solver, speeds)
 
 
+def speed_tables(solver: SteadyStateSolver, stride: int, speed_kmh: float) -> "SpeedTables":
+    """Compute the tables of a speed.
+
+    Raises:
+        NumericalError: the force on smooth rail does not settle.
+    """
+    window = solver.steps(stride, TRANSIENT_WINDOW_S * speed_kmh / 3.6)
+    run_out = solver.steps(stride, max(solver.model.spacing_m, RUN_OUT_S * speed_kmh / 3.6))
+    return SpeedTables(solver.steady_state(speed_kmh, stride), window, run_out)
+
+
 @dataclass(frozen=True)
-class _SpeedTables:
+class SpeedTables:
     """A speed, with the window through which a transient has to have decayed and the longest run-out, in steps."""
 
     steady_state: SteadyState
@@ -134,7 +139,7 @@ class _SpeedTables:
 class SimdBatch:
     """Blocks of `SPEEDS` speeds, their tables interleaved lane by lane; each is simulated at two places at a time."""
 
-    def __init__(self, solver: SteadyStateSolver, speeds: list[_SpeedTables]) -> None:
+    def __init__(self, solver: SteadyStateSolver, speeds: list[SpeedTables]) -> None:
         self._solver, self._stride = solver, speeds[0].steady_state.stride
         self._filters = cache(lambda cutoffs_hz: _block_filters(solver, speeds, cutoffs_hz))
         steps = [speed.steady_state.step for speed in speeds]
@@ -161,7 +166,7 @@ class SimdBatch:
         """See `Batch`."""
         filters, block_filters = self._filters(cutoffs_hz)
         speed_blocks, place_pairs = self._paired(selected)
-        columns = _column_count(filters)
+        columns = column_count(filters)
         simulate = partial(self._simulate, places, block_filters, columns)
         shares = [np.arange(part, len(place_pairs), threads) for part in range(min(threads, len(place_pairs)))]
         found = np.zeros((len(self._states), selected.shape[1], SPEEDS, columns))
@@ -169,7 +174,7 @@ class SimdBatch:
         for (blocks, pairs), results in zip(own, pool.map(simulate, *zip(*own, strict=True)), strict=True):
             found[blocks[:, None], pairs] = results
         by_speed = found.transpose(0, 2, 1, 3).reshape(-1, selected.shape[1], found.shape[3])[: len(selected)]
-        return _with_filters_later(filters, places.starts // self._stride, by_speed)
+        return with_filters_later(filters, places.starts // self._stride, by_speed)
 
     def _paired(self, selected: Selection) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return speed blocks (n_pair,) and pairs of places (n_pair, 2) at which any of their passages is selected."""
@@ -201,7 +206,7 @@ class SimdBatch:
             irregularity_m=places.irregularity_m[place_pairs],
         )
         _simd_passage.peaks_in_lanes(
-            pairs, self._blocks, filters, self._solver.physics, _negligible_n(self._solver), results
+            pairs, self._blocks, filters, self._solver.physics, negligible_n(self._solver), results
         )
         return results.reshape(len(place_pairs), 2, SPEEDS, -1)
 
@@ -209,7 +214,7 @@ class SimdBatch:
 class ScalarBatch:
     """States of any kind, passage after passage."""
 
-    def __init__(self, solver: SteadyStateSolver, speeds: list[_SpeedTables]) -> None:
+    def __init__(self, solver: SteadyStateSolver, speeds: list[SpeedTables]) -> None:
         self._solver, self._speeds = solver, speeds
         self._filters = cache(
             lambda cutoffs_hz: low_pass([speed.steady_state for speed in speeds], solver.wheel.mass_kg, cutoffs_hz)
@@ -225,18 +230,18 @@ class ScalarBatch:
     ) -> FloatArray:
         """See `Batch`."""
         filters = self._filters(cutoffs_hz)
-        found = np.zeros((*selected.shape, _column_count(filters)))
+        found = np.zeros((*selected.shape, column_count(filters)))
         rows = np.flatnonzero(selected.any(axis=1))
         columns = [np.flatnonzero(selected[row]) for row in rows]
         simulated = pool.map(partial(self._simulate, places, filters), rows, columns)
         for row, own, results in zip(rows, columns, simulated, strict=True):
             found[row, own] = results
-        return _with_filters_later(filters, places.starts // self._speeds[0].steady_state.stride, found)
+        return with_filters_later(filters, places.starts // self._speeds[0].steady_state.stride, found)
 
     def _simulate(self, places: PassageStarts, filters: LowPass, row: int, columns: NDArray[np.intp]) -> FloatArray:
         speed, starts = self._speeds[row], places.starts[columns]
         steady_state = speed.steady_state
-        results = np.empty((len(columns), _column_count(filters)))
+        results = np.empty((len(columns), column_count(filters)))
         passages = _scalar_passage.Passages(
             initial_states=np.stack([self._solver.initial_state(steady_state, start) for start in starts]),
             starts=starts // steady_state.stride,
@@ -244,7 +249,7 @@ class ScalarBatch:
             irregularity_m=places.irregularity_m[columns],
         )
         smooth = _scalar_passage.SmoothRail(
-            steady_state.smooth_n, _negligible_n(self._solver), speed.window, speed.run_out
+            steady_state.smooth_n, negligible_n(self._solver), speed.window, speed.run_out
         )
         own_filters = Filters(
             filters.decay[row], filters.shapes[row], filters.gains[row], filters.smooth_n[row], filters.floors_n[row]
@@ -255,18 +260,19 @@ class ScalarBatch:
         return results
 
 
-def _negligible_n(solver: SteadyStateSolver) -> float:
+def negligible_n(solver: SteadyStateSolver) -> float:
+    """Return the transient that is not waited for."""
     return NEGLIGIBLE * solver.wheel.static_load_n
 
 
-def _column_count(filters: LowPass) -> int:
+def column_count(filters: LowPass) -> int:
     """Return the number of the compiled passages' results: `Batch.peaks`'s, filter states and wheel at the end."""
     count = filters.gains.shape[1]
     return _UNFILTERED + (count * (1 + ORDER) + 3 if count else 0)
 
 
 def _block_filters(
-    solver: SteadyStateSolver, speeds: list[_SpeedTables], cutoffs_hz: tuple[float, ...]
+    solver: SteadyStateSolver, speeds: list[SpeedTables], cutoffs_hz: tuple[float, ...]
 ) -> tuple[LowPass, Filters]:
     filters = low_pass([speed.steady_state for speed in speeds], solver.wheel.mass_kg, cutoffs_hz)
     return filters, Filters(
@@ -278,7 +284,7 @@ def _block_filters(
     )
 
 
-def _with_filters_later(filters: LowPass, starts: StepCounts, found: FloatArray) -> FloatArray:
+def with_filters_later(filters: LowPass, starts: StepCounts, found: FloatArray) -> FloatArray:
     """Return `Batch.peaks`'s results from the compiled passages' (n_speed, n_place, n_column)."""
     shown = _UNFILTERED + filters.gains.shape[1]
     if shown > _UNFILTERED:

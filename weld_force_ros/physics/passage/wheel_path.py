@@ -13,10 +13,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.ndimage import grey_dilation
 
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.passage import _sampled_path
 
 RESAMPLED_STEP_M = 0.25e-3
 JOIN_LENGTH_M = 0.5
@@ -55,29 +57,88 @@ class WheelPath:
 
     @cached_property
     def spline(self) -> CubicSpline:
-        """Return the the height between the samples."""
+        """Return the height between the samples."""
         return CubicSpline(self.start_m + RESAMPLED_STEP_M * np.arange(len(self.height_m)), self.height_m)
 
 
-def wheel_path_over(x_m: FloatArray, z_m: FloatArray, wheel_radius_m: float) -> WheelPath:
+def wheel_path_over(
+    x_m: FloatArray, z_m: FloatArray, wheel_radius_m: float, patch_half_length_m: float = 0.0
+) -> WheelPath:
     """Return the wheel centre's path over a profile.
 
     Args:
         x_m: (n,), increasing, 0 at the weld's centre.
         z_m: (n,), positive up.
         wheel_radius_m: rolling radius.
+        patch_half_length_m: of the contact patch, over which the heights are averaged; 0: the contact is a point.
     """
     x, z, join = joined(np.asarray(x_m, dtype=np.float64), np.asarray(z_m, dtype=np.float64))
     reach = _reach(float(np.ptp(z)), wheel_radius_m)
+    reach += patch_half_length_m
     first = np.floor((x[0] - reach) / RESAMPLED_STEP_M) - 2
     last = np.ceil((x[-1] + reach) / RESAMPLED_STEP_M) + 2
     grid = np.arange(first, last + 1) * RESAMPLED_STEP_M
     # Shape-preserving cubic: no overshoot between samples, so no peak that was not measured.
     inside = (grid >= x[0]) & (grid <= x[-1])
     surface = np.where(inside, PchipInterpolator(x, z)(np.clip(grid, x[0], x[-1])), 0.0)
-    notes = (*join, f"resampled to {RESAMPLED_STEP_M * 1e3:g} mm by shape-preserving cubics",
-             f"rolled over by a wheel of radius {wheel_radius_m:g} m")  # fmt: skip
+    notes = (*join, f"resampled to {RESAMPLED_STEP_M * 1e3:g} mm by shape-preserving cubics")
+    if patch_half_length_m > 0.0:
+        surface = averaged_over_patch(surface, RESAMPLED_STEP_M, patch_half_length_m)
+        notes += (f"averaged over a contact patch {2e3 * patch_half_length_m:.3g} mm long",)
+    notes += (f"rolled over by a wheel of radius {wheel_radius_m:g} m",)
     return WheelPath(float(grid[0]), dilated_by_wheel(surface, RESAMPLED_STEP_M, wheel_radius_m), notes)
+
+
+class WheelPathRoller:
+    """Rolls wheels over samples of one profile, as `wheel_path_over` does; compiled, in a tenth of its time.
+
+    Args:
+        x_m: (n,), increasing, 0 at the weld's centre; of all samples.
+        z_m: (n_sample, n), positive up.
+        wheel_radius_m: (n_sample,).
+        patch_half_length_m: of the contact patch, as `wheel_path_over` takes it.
+    """
+
+    def __init__(
+        self, x_m: FloatArray, z_m: FloatArray, wheel_radius_m: FloatArray, patch_half_length_m: float = 0.0
+    ) -> None:
+        # An end that lies at zero in every sample needs no ramp; in the others a ramp from zero is level.
+        ends = np.abs(z_m[:, [0, -1]]).max(axis=0)
+        self._x_m = joined(x_m, np.concatenate([ends[:1], np.zeros(len(x_m) - 2), ends[1:]]))[0]
+        self._z_m = np.hstack([z_m[:, :1] * _ease()[::-1] * (ends[0] > 0), z_m, z_m[:, -1:] * _ease() * (ends[1] > 0)])
+        self._z_m = self._z_m[:, (0 if ends[0] > 0 else 100) : (None if ends[1] > 0 else -100)]
+        self._radii_m = wheel_radius_m
+        self._patch_m = patch_half_length_m
+        self._reaches_m = [_reach(float(np.ptp(z)), radius) for z, radius in zip(self._z_m, self._radii_m, strict=True)]
+        beyond = max(self._reaches_m) + patch_half_length_m
+        first = np.floor((self._x_m[0] - beyond) / RESAMPLED_STEP_M) - 2
+        last = np.ceil((self._x_m[-1] + beyond) / RESAMPLED_STEP_M) + 2
+        self._grid_m = np.arange(first, last + 1) * RESAMPLED_STEP_M
+        self.start_m = float(self._grid_m[0])
+
+    def heights(self, samples: NDArray[np.intp]) -> FloatArray:
+        """Return heights of the wheel's centre over some samples, (n, n_height), `RESAMPLED_STEP_M` from `start_m`."""
+        paths = np.empty((len(samples), len(self._grid_m)))
+        _sampled_path.resample_monotone(self._x_m, self._z_m[samples], self._grid_m, paths)
+        for path, sample in zip(paths, samples.tolist(), strict=True):
+            if self._patch_m > 0.0:
+                path[:] = averaged_over_patch(path, RESAMPLED_STEP_M, self._patch_m)
+            half, radius = int(np.ceil(self._reaches_m[sample] / RESAMPLED_STEP_M)), float(self._radii_m[sample])
+            s = RESAMPLED_STEP_M * np.arange(-half, half + 1)
+            circle = np.sqrt(radius**2 - s**2) - radius
+            _sampled_path.dilate(np.pad(path, half, mode="edge"), half, circle, radius, RESAMPLED_STEP_M, path)
+        return paths
+
+
+def averaged_over_patch(surface_m: FloatArray, step_m: float, half_length_m: float) -> FloatArray:
+    """Return equidistant heights averaged over the contact patch, same shape.
+
+    The weight is 1 - (s/a)^2 over the half length a: Hertz' pressure in an elliptic patch, summed across the rail.
+    """
+    half = int(np.floor(half_length_m / step_m))
+    s = step_m * np.arange(-half, half + 1)
+    weight = np.maximum(1 - (s / half_length_m) ** 2, 0.0)
+    return np.asarray(np.convolve(surface_m, weight / weight.sum(), mode="same"))
 
 
 def dilated_by_wheel(surface_m: FloatArray, step_m: float, wheel_radius_m: float) -> FloatArray:
@@ -99,8 +160,7 @@ def _reach(height_m: float, wheel_radius_m: float) -> float:
 
 def joined(x_m: FloatArray, z_m: FloatArray) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
     """Return the profile with half-cosine ramps to zero wherever an end does not lie there."""
-    ramp = np.linspace(0.0, 1.0, 101)[1:]
-    ease = 0.5 * (1 + np.cos(np.pi * ramp))
+    ramp, ease = _ramp(), _ease()
     notes: tuple[str, ...] = ()
     if z_m[0] != 0.0:
         x_m, z_m = np.append(x_m[0] - JOIN_LENGTH_M * ramp[::-1], x_m), np.append(z_m[0] * ease[::-1], z_m)
@@ -109,3 +169,11 @@ def joined(x_m: FloatArray, z_m: FloatArray) -> tuple[FloatArray, FloatArray, tu
         x_m, z_m = np.append(x_m, x_m[-1] + JOIN_LENGTH_M * ramp), np.append(z_m, z_m[-1] * ease)
         notes += (f"joined to the rail over {JOIN_LENGTH_M:g} m after its last sample",)
     return x_m, z_m, notes
+
+
+def _ramp() -> FloatArray:
+    return np.linspace(0.0, 1.0, 101)[1:]
+
+
+def _ease() -> FloatArray:
+    return np.asarray(0.5 * (1 + np.cos(np.pi * _ramp())))
