@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import UNSET
 
 from weld_force_ros.assessment.probability import CONTACT, PLACE, RADIUS, REST, SUPPORT, influences
 from weld_force_ros.messages import Uncertainty, UncertaintyResult
@@ -17,7 +18,7 @@ def unknown(samples: int = 400, **changes) -> Uncertainty:
 
 
 def test_factors_have_the_stated_mean_and_deviation():
-    draws = draw(unknown(3000, support_spread=0.3, hertz_spread=0.1, radius_low_m=0.4, radius_high_m=0.5))
+    draws = draw(unknown(3000, design=UNSET, support_spread=0.3, hertz_spread=0.1, radius_low_m=0.4, radius_high_m=0.5))
     for factor, deviation in ((draws.support_factor, 0.3), (draws.hertz_factor, 0.1)):
         assert np.mean(np.log(factor)) == pytest.approx(0.0, abs=1e-3)
         assert np.std(np.log(factor)) == pytest.approx(deviation, rel=0.01)

@@ -89,6 +89,10 @@ class Passages:
         """Return the passages at an index."""
         return self._with({name: values[part] for name, values in self.columns.items()})
 
+    def reshaped(self, shape: tuple[int, ...]) -> "Passages":
+        """Return the passages in another shape."""
+        return self._with({name: values.reshape(shape) for name, values in self.columns.items()})
+
     def worst(self, axis: int) -> "Passages":
         """Return the worst over an axis: the minimum of the minimum force, the maximum of everything else."""
         return self._with(

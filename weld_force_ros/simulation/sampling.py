@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 
 import numpy as np
@@ -10,17 +11,20 @@ from numpy.typing import NDArray
 from weld_force_ros.messages import Uncertainty, UncertaintyResult
 from weld_force_ros.physics.analysis.geometry import largest_gradient, straightedge_gap
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.passage.batch import USE_SIMD
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.state_space import StateModel
 from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import wheel_path_over
+from weld_force_ros.physics.threads import executor
 from weld_force_ros.physics.track.beam import Spring
 from weld_force_ros.simulation import fit_store
-from weld_force_ros.simulation.force_map_view import Passages, rounded
+from weld_force_ros.simulation.few_passages import FewPassages, support_levels
+from weld_force_ros.simulation.force_map_view import Passages, RelevantMap, rounded
 from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.simulation.uncertainty import Draws, draw, noisy
 
-_TOLERANCE = 2e-2  # as estimated; in truth under 0.1 % of the peak, 0.6 % over a flat: far below what samples differ by
+TOLERANCE = 2e-2  # as estimated; in truth under 0.1 % of the peak, 0.6 % over a flat: far below what samples differ by
 _FORCE_DECIMALS = 1
 _TIME_DECIMALS = 6
 _GEOMETRY_DECIMALS = 9
@@ -33,6 +37,7 @@ class Sampler:
         definition: the nominal track; samples with other supports are fitted once and kept in the user's cache.
         wheel: the nominal wheel.
         unknown: what is drawn, and how often.
+        patch_m: half length of the contact patch that heights are averaged over; 0: none.
         on_fit: called with a line of text if a fit has to be made.
         threads: that compute; one a core, if not given.
     """
@@ -43,34 +48,74 @@ class Sampler:
         wheel: Wheel,
         unknown: Uncertainty,
         *,
+        patch_m: float = 0.0,
         on_fit: Callable[[str], None] | None = None,
         threads: int | None = None,
     ) -> None:
+        self.unknown = unknown
         self._wheel = wheel
+        self._patch_m = patch_m
         self._threads = threads
-        self._unknown = unknown
         self._draws = draw(unknown)
+        few = unknown.design == "quasi-random" and USE_SIMD
+        factors = support_levels(unknown) if few else np.unique(self._draws.support_factor)
         self._models: dict[float, StateModel] = {
-            factor: fit_store.fitted(_supported(definition, factor), on_fit=on_fit).model()
-            for factor in np.unique(self._draws.support_factor).tolist()
+            factor: fit_store.fitted(supported(definition, factor), on_fit=on_fit).model()
+            for factor in factors.tolist()
         }
+        self._few: dict[bool, FewPassages] = {}
+        if few:
+            for lost in (False, True):
+                self._few[lost] = FewPassages(
+                    self._models, wheel, unknown, self._draws, threads, patch_m, contact_lost=lost
+                )
 
     def result(
-        self, x_m: FloatArray, z_m: FloatArray, speeds_kmh: FloatArray, positions_m: FloatArray
+        self,
+        x_m: FloatArray,
+        z_m: FloatArray,
+        relevant: RelevantMap,
+        geometries: FloatArray | None = None,
     ) -> UncertaintyResult:
         """Return the worst over speeds of every sample at every position.
 
         Args:
             x_m: (n,), increasing.
             z_m: (n,), positive up.
-            speeds_kmh: (n_speed,), up to the line's.
-            positions_m: (n_position,), those that count.
+            relevant: of the nominal map: its speeds and positions count.
+            geometries: heights of the samples, (n_sample, n); measurement noise is drawn if not given.
 
         Raises:
             NumericalError: a passage did not stay finite.
         """
+        profiles = geometries
+        if profiles is None:
+            profiles = np.stack([noisy(x_m, z_m, self.unknown, seed) for seed in self._draws.noise_seed.tolist()])
+        speeds_kmh, positions_m, nominal = relevant.speeds_kmh, relevant.positions_m, relevant.passages
+        few = self._few.get(bool(np.any(nominal.contact_loss_s > 0)))
+        if few is not None and few.serves(speeds_kmh):
+            worst = few.worst(x_m, z_m, profiles, positions_m, speeds_kmh, nominal)
+        else:
+            worst = self._everywhere(x_m, profiles, speeds_kmh, positions_m)
+        with executor(self._threads) as pool:
+            gradients = list(pool.map(partial(largest_gradient, x_m), profiles))
+            gaps = list(pool.map(partial(straightedge_gap, x_m), profiles))
         draws = self._draws
-        profiles = [noisy(x_m, z_m, self._unknown, seed) for seed in draws.noise_seed.tolist()]
+        return UncertaintyResult(
+            positions_m=positions_m.tolist(),
+            gradient_rad=rounded(np.array(gradients), _GEOMETRY_DECIMALS),
+            straightedge_m=rounded(np.array(gaps), _GEOMETRY_DECIMALS),
+            support_factor=draws.support_factor.tolist(),
+            hertz_factor=draws.hertz_factor.tolist(),
+            wheel_radius_m=rounded(draws.wheel_radius_m, _GEOMETRY_DECIMALS),
+            **worst.rounded(_FORCE_DECIMALS, _TIME_DECIMALS),
+        )
+
+    def _everywhere(
+        self, x_m: FloatArray, profiles: FloatArray, speeds_kmh: FloatArray, positions_m: FloatArray
+    ) -> Passages:
+        """Return the worst of every sample by passages at every speed and position, (n_sample, n_position)."""
+        draws = self._draws
         worst: dict[int, Passages] = {}
         for support, hertz, samples in _samples_by_stiffness(draws):
             # Made anew for every weld: the tables of all would not fit into a small machine's memory.
@@ -79,26 +124,17 @@ class Sampler:
                 replace(self._wheel, hertz_n_per_m15=self._wheel.hertz_n_per_m15 * hertz),
                 threads=self._threads,
             )
-            wheel_paths = [wheel_path_over(x_m, profiles[i], draws.wheel_radius_m[i]) for i in samples]
+            wheel_paths = [wheel_path_over(x_m, profiles[i], draws.wheel_radius_m[i], self._patch_m) for i in samples]
             # The first on all threads: it makes the tables that the others use, a thread each.
             first = vehicle_track.peak_map(
-                wheel_paths[0], speeds_kmh, positions_m, low_passed=True, tolerance=_TOLERANCE
+                wheel_paths[0], speeds_kmh, positions_m, low_passed=True, tolerance=TOLERANCE
             )
             rest = vehicle_track.peak_maps(
-                wheel_paths[1:], speeds_kmh, positions_m, low_passed=True, tolerance=_TOLERANCE
+                wheel_paths[1:], speeds_kmh, positions_m, low_passed=True, tolerance=TOLERANCE
             )
             for i, peak_map in zip(samples.tolist(), chain([first], rest), strict=True):
                 worst[i] = Passages.of_peak_map(peak_map, self._wheel.static_load_n).worst(axis=0)
-        by_sample = Passages.stacked([worst[i] for i in range(self._unknown.samples)])
-        return UncertaintyResult(
-            positions_m=positions_m.tolist(),
-            gradient_rad=rounded(np.array([largest_gradient(x_m, z) for z in profiles]), _GEOMETRY_DECIMALS),
-            straightedge_m=rounded(np.array([straightedge_gap(x_m, z) for z in profiles]), _GEOMETRY_DECIMALS),
-            support_factor=draws.support_factor.tolist(),
-            hertz_factor=draws.hertz_factor.tolist(),
-            wheel_radius_m=rounded(draws.wheel_radius_m, _GEOMETRY_DECIMALS),
-            **by_sample.rounded(_FORCE_DECIMALS, _TIME_DECIMALS),
-        )
+        return Passages.stacked([worst[i] for i in range(self.unknown.samples)])
 
 
 def _samples_by_stiffness(draws: Draws) -> Iterator[tuple[float, float, NDArray[np.intp]]]:
@@ -109,7 +145,7 @@ def _samples_by_stiffness(draws: Draws) -> Iterator[tuple[float, float, NDArray[
         yield support, hertz, np.flatnonzero(which == number)
 
 
-def _supported(definition: TrackDefinition, factor: float) -> TrackDefinition:
+def supported(definition: TrackDefinition, factor: float) -> TrackDefinition:
     """Return the track with the stiffness of pads and ballast multiplied by a factor; their damping stays."""
     if factor == 1.0:
         return definition

@@ -25,6 +25,7 @@ from weld_force_ros.simulation import track_file
 
 DEFAULT_SPEEDS = "20:300:5"
 DEFAULT_POSITIONS = "15"
+DEFAULT_UNCERTAINTY_SAMPLES = 32
 ENGINES: tuple[str, ...] = get_args(get_args(Engine)[0])
 
 
@@ -81,6 +82,7 @@ def simulation_settings(
     static_load_n: float | None = None,
     wheel_radius_m: float | None = None,
     hertz_n_per_m15: float | None = None,
+    contact_patch: str = "on",
     uncertainty: Uncertainty | None = None,
 ) -> SimulationSettings:
     """Complete and check the settings of a simulation; what is not given for the wheel is the track file's.
@@ -94,6 +96,7 @@ def simulation_settings(
         static_load_n: static wheel load.
         wheel_radius_m: rolling radius.
         hertz_n_per_m15: Hertz constant.
+        contact_patch: `on`: the rail's heights are averaged over the patch that Hertz' theory gives; `off`: not.
         uncertainty: what is drawn for verdicts with probabilities; none if not given.
 
     Raises:
@@ -109,6 +112,8 @@ def simulation_settings(
         radius_m=wheel_radius_m,
         hertz_n_per_m15=hertz_n_per_m15,
     )
+    if contact_patch not in ("on", "off"):
+        raise InputError(f"contact_patch {contact_patch!r} is unknown", "use on or off")
     spacing = definition.track.spacing_m
     at = [i * spacing / positions for i in range(positions)] if isinstance(positions, int) else list(positions)
     settings = SimulationSettings(
@@ -122,8 +127,14 @@ def simulation_settings(
         static_load_n=wheel.static_load_n,
         wheel_radius_m=wheel.radius_m,
         hertz_n_per_m15=wheel.hertz_n_per_m15,
+        contact_patch_m=round(wheel.contact_half_length_m(), 6) if contact_patch == "on" else UNSET,
         uncertainty=uncertainty or UNSET,
     )
+    return _identified(settings)
+
+
+def _identified(settings: SimulationSettings) -> SimulationSettings:
+    """Put in the identity of settings, and check that they keep the contract."""
     settings.config_sha256 = config_sha256(settings)
     try:
         encode(settings)

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-from msgspec import UnsetType
+from msgspec import UNSET, UnsetType
 
 from weld_force_ros.messages import (
     ForceHistory,
@@ -14,6 +14,7 @@ from weld_force_ros.messages import (
     SpeedCurve,
     Uncertainty,
     WeldProfile,
+    known,
 )
 from weld_force_ros.physics.analysis.geometry import classify, largest_gradient, straightedge_gap
 from weld_force_ros.physics.engines.common_poles import BAND_HZ
@@ -25,6 +26,7 @@ from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
 from weld_force_ros.physics.track.causality import acausal
 from weld_force_ros.simulation import fit_store, track_file
 from weld_force_ros.simulation.force_map_view import Passages, relevant_positions, relevant_range, rounded
+from weld_force_ros.simulation.measured_geometry import sampled_geometries
 from weld_force_ros.simulation.sampling import Sampler
 
 # Messages keep what means something: 0.01 N is a ten-millionth of a wheel load, 0.1 nm far below any roughness.
@@ -78,11 +80,15 @@ class Simulator:
         self._with_curves = curves and settings.engine == "common-poles"
         self._sampler: Sampler | None = None
         if isinstance(settings.uncertainty, Uncertainty):
-            self._sampler = Sampler(definition, wheel, settings.uncertainty, on_fit=on_fit, threads=threads)
+            patch_m = known(settings.contact_patch_m) or 0.0
+            self._sampler = Sampler(
+                definition, wheel, settings.uncertainty, patch_m=patch_m, on_fit=on_fit, threads=threads
+            )
 
     def wheel_path(self, profile: WeldProfile) -> WheelPath:
         """Return the path of the wheel's centre over a profile."""
-        return wheel_path_over(np.array(profile.x_m), np.array(profile.z_m), self.vehicle_track.wheel.radius_m)
+        x_m, z_m, radius_m = np.array(profile.x_m), np.array(profile.z_m), self.vehicle_track.wheel.radius_m
+        return wheel_path_over(x_m, z_m, radius_m, known(self.settings.contact_patch_m) or 0.0)
 
     def force_map(self, profile: WeldProfile, *, on_speed: Callable[[], None] = lambda: None) -> ForceMap:
         """Compute the forces at every speed and position of the settings.
@@ -143,8 +149,9 @@ class Simulator:
             force_map.curve = self._curve(wheel_path, peak_map, profile.weld_position_m)
         if self._sampler is not None:
             relevant = relevant_range(force_map)
-            x_m, z_m = np.array(profile.x_m), np.array(profile.z_m)
-            force_map.spread = self._sampler.result(x_m, z_m, relevant.speeds_kmh, relevant.positions_m)
+            x_m, z_m, unknown = np.array(profile.x_m), np.array(profile.z_m), self._sampler.unknown
+            geometries = sampled_geometries(profile, unknown.samples, unknown.seed)
+            force_map.spread = self._sampler.result(x_m, z_m, relevant, geometries)
         force_map.elapsed_s = time.perf_counter() - began_s
         return force_map
 
@@ -206,12 +213,14 @@ class Simulator:
 def profile_measures(profile: WeldProfile) -> ProfileMeasures:
     """Return what a profile's geometry says without a wheel."""
     x_m, z_m = np.array(profile.x_m), np.array(profile.z_m)
-    geometry = classify(x_m, z_m)
+    geometry, measured, noise = classify(x_m, z_m), known(profile.measured_x_m), known(profile.noise)
     return ProfileMeasures(
         kind=geometry.kind,
         dip_m=geometry.dip_m,
         protrusion_m=geometry.protrusion_m,
         gradient_rad=largest_gradient(x_m, z_m),
         straightedge_m=straightedge_gap(x_m, z_m),
-        spacing_m=float(np.diff(x_m).max()),
+        spacing_m=float(np.diff(x_m if measured is None else measured).max()),
+        noise_m=UNSET if noise is None else noise.noise_m,
+        resolution_m=UNSET if noise is None else noise.resolution_m,
     )

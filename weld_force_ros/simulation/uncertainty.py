@@ -5,12 +5,13 @@ normal distribution of their logarithm: tables of a wheel on a track are made on
 Levels and radii are spread evenly over the samples (Latin hypercube; McKay, Beckman & Conover, Technometrics 21, 1979).
 """
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
-from scipy.stats import norm
+from scipy.stats import norm, qmc
 
 from weld_force_ros.messages import Uncertainty
 from weld_force_ros.physics.arrays import FloatArray
@@ -33,6 +34,8 @@ class Draws:
 
 def draw(unknown: Uncertainty) -> Draws:
     """Return the samples of an uncertainty: the same for every weld, so that welds compare."""
+    if unknown.design == "quasi-random":
+        return _quasi_random(unknown)
     generator = np.random.default_rng(unknown.seed)
     count = unknown.samples
 
@@ -48,6 +51,24 @@ def draw(unknown: Uncertainty) -> Draws:
         levels(unknown.hertz_spread, HERTZ_LEVELS),
         unknown.radius_low_m + (unknown.radius_high_m - unknown.radius_low_m) * evenly(),
         generator.integers(2**62, size=count),
+    )
+
+
+def _quasi_random(unknown: Uncertainty) -> Draws:
+    """Return samples that fill support, contact and radius evenly (Sobol', scrambled), each quantity by itself too.
+
+    Ranks of a Sobol' sequence, so that of any number of samples one lies in each n-th of a quantity.
+    """
+    generator = np.random.default_rng(unknown.seed)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # that the number of samples is no power of 2
+        sequence = qmc.Sobol(3, rng=generator).random(unknown.samples)
+    evenly = (sequence.argsort(axis=0).argsort(axis=0) + 0.5) / unknown.samples
+    return Draws(
+        np.asarray(np.exp(unknown.support_spread * norm.ppf(evenly[:, 0]))),
+        np.asarray(np.exp(unknown.hertz_spread * norm.ppf(evenly[:, 1]))),
+        unknown.radius_low_m + (unknown.radius_high_m - unknown.radius_low_m) * evenly[:, 2],
+        generator.integers(2**62, size=unknown.samples),
     )
 
 
