@@ -39,7 +39,7 @@ def limits(most_n: float, reject_n: float = 350e3) -> AssessmentSettings:
 
 
 def adviser(most_n: float) -> Adviser:
-    settings = simulation_settings(track="bilbao-viscous", speeds_kmh=SPEEDS, positions=4)
+    settings = simulation_settings(track="bilbao-viscous", speeds_kmh=SPEEDS, positions=4, contact_patch="off")
     return Adviser(settings, limits(most_n))
 
 
@@ -61,7 +61,9 @@ def test_ground_weld_is_within_limits_when_rolled_by_itself(protrusion: Grinding
     assert (protrusion.decision_before, protrusion.decision_after) == ("grind", "accept")
     assert protrusion.removed_m2 > 0
     x, ground = np.array(protrusion.x_m), np.array(protrusion.z_m) - np.array(protrusion.removal_m)
-    simulator = Simulator(simulation_settings(track="bilbao-viscous", speeds_kmh=SPEEDS, positions=12))
+    simulator = Simulator(
+        simulation_settings(track="bilbao-viscous", speeds_kmh=SPEEDS, positions=12, contact_patch="off")
+    )
     rolled = simulator.vehicle_track.peak_map(
         wheel_path_over(x, ground, 0.45), np.arange(60.0, 141.0, 5.0), simulator.settings.positions_m
     )
@@ -71,7 +73,11 @@ def test_ground_weld_is_within_limits_when_rolled_by_itself(protrusion: Grinding
 def test_reference_engine_agrees(protrusion: GrindingAdvice):
     assert protrusion.reference_checked == protrusion.reference_within > 0
     assert protrusion.reference_peak_n <= LIMIT_N
-    exact = Simulator(simulation_settings(track="bilbao-viscous", engine="reference", speeds_kmh=[140.0], positions=4))
+    exact = Simulator(
+        simulation_settings(
+            track="bilbao-viscous", engine="reference", speeds_kmh=[140.0], positions=4, contact_patch="off"
+        )
+    )
     x, ground = np.array(protrusion.x_m), np.array(protrusion.z_m) - np.array(protrusion.removal_m)
     rolled = exact.vehicle_track.peak_map(wheel_path_over(x, ground, 0.45), [140.0], exact.settings.positions_m)
     assert rolled.peak_force_n.max() <= LIMIT_N * (1 + 1e-6)

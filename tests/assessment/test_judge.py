@@ -235,7 +235,7 @@ def test_assessment_is_map_worst_history_and_verdict(simulator: Simulator, force
 def test_history_goes_up_over_what_is_up(simulator: Simulator):
     rise: ForceHistory = simulator.force_history(profile(depth_m=-0.2e-3), 40.0, 0.2)
     x, irregularity = np.array(rise.x_m), np.array(rise.irregularity_m)
-    assert irregularity.max() == pytest.approx(0.2e-3, rel=1e-3)
+    assert irregularity.max() == pytest.approx(0.2e-3, rel=5e-3)  # the contact patch averages over the crest
     assert x[irregularity.argmax()] == pytest.approx(0.2, abs=2e-3)
     far, on_top = np.argmin(np.abs(x)), np.argmin(np.abs(x - 0.2))
     assert rise.wheel_m[on_top] > rise.wheel_m[far]

@@ -29,6 +29,12 @@ test("a live page shows the newest first and drops the oldest", () => {
   assert.equal(made.body.children.length, 3);
 });
 
+test("a newer version of a file takes the place of the older", () => {
+  const made = table([row(1), row(2)], {live: true});
+  made.add([row(3, {weld: "weld-1", supersedes: 1}), row(4, {supersedes: 99})]);
+  assert.deepEqual(shown(made), [4, 3, 2]);
+});
+
 test("without a number all are kept", () => {
   assert.equal(table(Array.from({length: 3000}, (_, i) => row(i + 1))).rows.size, 3000);
 });

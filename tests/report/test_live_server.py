@@ -97,6 +97,18 @@ def test_a_row_is_there_before_its_map(tmp_path):
     assert content(report, 1)["verdict"]["weld_id"] == "KM12"
 
 
+def test_a_newer_version_of_a_file_names_the_row_that_it_supersedes(tmp_path):
+    report = LiveReport(tmp_path)
+    for weld, file in (("KM12", "a.csv"), ("KM13", "b.csv"), ("KM12", "a.csv")):
+        profile, *_, verdict = parts(weld)
+        for message in (profile, verdict):
+            message.profile_id = f"{report.count:064x}"
+        profile.file_version_of = file
+        report.add(profile)
+        report.add(verdict)
+    assert [row.get("supersedes") for row in rows(report)] == [None, None, 1]
+
+
 def test_rejections_are_rows(tmp_path):
     report = LiveReport(tmp_path)
     report.add(Rejection(source="a.csv", reason="no units", remedy="state them"))

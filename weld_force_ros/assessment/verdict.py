@@ -21,7 +21,7 @@ from weld_force_ros.assessment.criteria import (
     gradient_norm_rad,
 )
 from weld_force_ros.assessment.limits import applies, check, decides
-from weld_force_ros.assessment.probability import influences
+from weld_force_ros.assessment.probability import influences, interval
 from weld_force_ros.messages import (
     Criterion,
     Decision,
@@ -38,6 +38,7 @@ WORST_POSITION = Rules(unknown_position="worst")
 """The rules of recordings that state none."""
 
 _RESOLVED_BY_SAMPLES = 2  # a wave: the sampling theorem
+_COARSE_M, _FINE_M = 4.9e-5, 1e-5  # steps of heights: of the first, short waves come out up to 18 % off
 _SEVERITY: tuple[Decision, ...] = ("accept", "grind", "reject")
 
 
@@ -153,10 +154,12 @@ def _with_probability(
     values = _sampled(limit.name, spread, relevant, gradient_norm)
     if values is None:
         return criterion
-    shares = influences(values, spread)
+    shares, (low, high) = influences(values, spread), interval(values)
     driver = max(shares, key=shares.__getitem__) if shares else None
     return replace(
         criterion,
+        low=low,
+        high=high,
         exceeding=float(np.mean(values > limit.limit)),
         exceeding_reject=float(np.mean(values > limit.reject_limit)),
         driver=driver if driver is not None else UNSET,
@@ -211,10 +214,15 @@ def _decide(
 
 
 def _unseen(relevant: RelevantMap, rules: Rules) -> list[str]:
-    """Describe what samples too far apart do not show; nothing if they are close enough, or their spacing unknown."""
+    """Describe what samples too far apart, or heights in too large steps, do not show; nothing if all can be seen."""
     measures, worst_speed_kmh = relevant.force_map.measures, float(relevant.speeds_kmh[relevant.peak_index[0]])
     if isinstance(measures, UnsetType) or not rules.resolved_hz:
         return []
+    if isinstance(measures.resolution_m, float) and measures.resolution_m >= _COARSE_M:
+        return [
+            f"heights in steps of {measures.resolution_m * 1e3:.2g} mm do not show what is lower: measure in steps of "
+            f"{_FINE_M * 1e3:g} mm"
+        ]
     shortest_m = _RESOLVED_BY_SAMPLES * measures.spacing_m
     resolved_hz = worst_speed_kmh / 3.6 / shortest_m
     if resolved_hz >= rules.resolved_hz:

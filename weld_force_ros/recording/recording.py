@@ -13,6 +13,7 @@ from weld_force_ros.messages import (
     SimulationSettings,
     Verdict,
     WeldProfile,
+    identity,
 )
 from weld_force_ros.recording.contract_messages import contract_messages
 from weld_force_ros.recording.reader import open_bag
@@ -32,6 +33,7 @@ class Recording:
         settings: by `config_sha256`.
         limits: by `limits_sha256`.
         unreadable: an error for each message that breaks the contract.
+        superseded: identities of measurements whose file was later read again, in a newer version.
     """
 
     path: Path
@@ -44,6 +46,7 @@ class Recording:
     verdicts: list[Verdict] = field(default_factory=list)
     rejections: list[Rejection] = field(default_factory=list)
     unreadable: list[BagError] = field(default_factory=list)
+    superseded: set[str] = field(default_factory=set)
 
     def welds_without_outcome(self) -> Iterator[str]:
         """Yield the weld of each profile that has neither a verdict nor a rejection."""
@@ -62,10 +65,13 @@ def open_recording(path: Path) -> Recording:
     """
     bag = open_bag(path)
     recording = Recording(path, bag.damage)
+    versions: dict[tuple[str, str], str] = {}
     for _, message, _ in contract_messages(bag):
         match message:
             case WeldProfile():
                 recording.profiles[message.weld_id, message.profile_sha256] = message
+                if isinstance(message.file_version_of, str):
+                    recording.superseded |= _older_versions(message, message.file_version_of, versions, recording)
             case SimulationSettings():
                 recording.settings[message.config_sha256] = message
             case AssessmentSettings():
@@ -83,6 +89,17 @@ def open_recording(path: Path) -> Recording:
     if not (recording.profiles or recording.rejections or recording.force_maps or recording.unreadable):
         raise BagError(f"{path} holds no message of this suite", "record with `weld-force up` or `weld-force demo`")
     return recording
+
+
+def _older_versions(
+    profile: WeldProfile, file: str, versions: dict[tuple[str, str], str], recording: Recording
+) -> set[str]:
+    """Return the earlier measurements that the same file held of a weld, and rejections of it, and note this one."""
+    now = identity(profile)
+    before = versions.get((file, profile.weld_id), now)
+    versions[file, profile.weld_id] = now
+    rejected = {str(r.profile_id) for r in recording.rejections if r.source == file and isinstance(r.profile_id, str)}
+    return ({before} | rejected) - {now}
 
 
 def simulation_key(message: ForceMap | ForceHistory | Verdict) -> SimulationKey:

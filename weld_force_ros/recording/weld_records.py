@@ -18,6 +18,7 @@ from weld_force_ros.messages import (
     Verdict,
     WeldProfile,
     decode,
+    identity,
 )
 from weld_force_ros.recording.recording import Recording, simulation_key
 
@@ -50,7 +51,7 @@ Record = WeldRecord | RejectedRecord
 def records_of_recording(
     recording: Recording, limits: AssessmentSettings | None, fallback: AssessmentSettings
 ) -> list[Record]:
-    """Return the welds of a recording in the order judged, then its rejections.
+    """Return the welds of a recording in the order judged, then its rejections; of each file the last version.
 
     Args:
         recording: what was recorded.
@@ -74,11 +75,12 @@ def records_of_recording(
 
     records: list[Record] = []
     if limits is None:
-        records += [weld(v, recording.limits.get(v.limits_sha256)) for v in recording.verdicts]
+        verdicts = [v for v in recording.verdicts if identity(v) not in recording.superseded]
+        records += [weld(v, recording.limits.get(v.limits_sha256)) for v in verdicts]
     judged = {simulation_key(verdict) for verdict in recording.verdicts} if limits is None else set()
-    by = limits or last_limits
-    records += [weld(judge(m, by), by) for key, m in maps.items() if key not in judged]
-    return records + [RejectedRecord(r) for r in recording.rejections]
+    by, old = limits or last_limits, recording.superseded
+    records += [weld(judge(m, by), by) for key, m in maps.items() if key not in judged and identity(m) not in old]
+    return records + [RejectedRecord(r) for r in recording.rejections if r.profile_id not in old]
 
 
 def read_maps(path: Path) -> list[ForceMap]:

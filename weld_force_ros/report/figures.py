@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from weld_force_ros.errors import InputError
-from weld_force_ros.messages import ForceHistory, ForceMap, GrindingAdvice, WeldProfile
+from weld_force_ros.messages import ForceHistory, ForceMap, GrindingAdvice, WeldProfile, known
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -110,7 +110,14 @@ def grinding(advice: GrindingAdvice) -> "Figure":
 
 def _draw_profile(axes: "Axes", profile: WeldProfile) -> None:
     axes.axhline(0, color=GREY, linewidth=0.6)
-    axes.plot(np.array(profile.x_m) * 100, np.array(profile.z_m) * 1e6, color=BLUE)
+    measured_x, measured_z = known(profile.measured_x_m), known(profile.measured_z_m)
+    if measured_x is not None and measured_z is not None:
+        axes.plot(
+            np.array(measured_x) * 100, np.array(measured_z) * 1e6, ".", color=GREY, markersize=3, label="samples"
+        )
+    axes.plot(np.array(profile.x_m) * 100, np.array(profile.z_m) * 1e6, color=BLUE, label="rail")
+    if measured_x is not None:
+        axes.legend(fontsize=8)
     axes.set(xlabel="distance from the weld's centre, cm", ylabel="height, µm")
 
 

@@ -79,6 +79,7 @@ class LiveReport:
         self._last = 0
         self._lock = threading.Lock()
         self._partial: OrderedDict[str, _PartialWeld] = OrderedDict()
+        self._versions: OrderedDict[str, int] = OrderedDict()
         self._settings: OrderedDict[str, SimulationSettings] = OrderedDict()
         self._limits: OrderedDict[str, AssessmentSettings] = OrderedDict()
 
@@ -126,7 +127,7 @@ class LiveReport:
         weld = self._partial.get(measurement) or _PartialWeld()
         _keep(self._partial, measurement, weld, _MOST_PARTIAL)
         if isinstance(message, Verdict):
-            with self._new_row(WeldRecord(message)) as number:
+            with self._new_row(WeldRecord(message), self._older_version(weld, message)) as number:
                 weld.number, weld.verdict = number, message
                 is_complete = self._write_weld(weld)
         else:
@@ -134,6 +135,16 @@ class LiveReport:
             is_complete = self._write_weld(weld)
         if is_complete:
             del self._partial[measurement]
+
+    def _older_version(self, weld: _PartialWeld, verdict: Verdict) -> int | None:
+        """Return the row of an earlier version of the weld's file, if one is kept, and note that this is the newest."""
+        profile = weld.get(WeldProfile)
+        if profile is None or not isinstance(profile.file_version_of, str):
+            return None
+        version = f"{profile.file_version_of}\n{verdict.weld_id}"
+        older = self._versions.get(version)
+        _keep(self._versions, version, self._last + 1, NEWEST)
+        return older
 
     def _write_judged_by(self, sha256: str) -> None:
         """Write the details of welds whose verdict arrived before its settings or limits."""
@@ -158,13 +169,14 @@ class LiveReport:
         return len(weld.packed) == _PARTS_BESIDE_VERDICT and record.settings is not None and record.limits is not None
 
     @contextmanager
-    def _new_row(self, record: Record) -> Iterator[int]:
+    def _new_row(self, record: Record, supersedes: int | None = None) -> Iterator[int]:
         """Give the number of a new row, to write its details; afterwards add the row, whether they were written or not.
 
         In this order, as a page that sees a row may ask for its details at once.
         """
         number = self._last + 1
-        encoded = msgspec.json.encode(row(number, record))
+        content = row(number, record) | ({} if supersedes is None else {"supersedes": supersedes})
+        encoded = msgspec.json.encode(content)
         try:
             yield number
         finally:

@@ -4,8 +4,9 @@ import itertools
 import math
 
 import plotext
+from msgspec import UnsetType
 
-from weld_force_ros.messages import ForceMap, Verdict
+from weld_force_ros.messages import ForceMap, MeasurementNoise, Verdict, WeldProfile
 from weld_force_ros.simulation.force_map_view import force_curve, relevant_range
 
 _HEIGHT = 18
@@ -43,6 +44,35 @@ def curve_plot(force_map: ForceMap, verdict: Verdict, *, width: int, unicode: bo
     for name, value in lines.items():
         figure.line(value, style="dotted" if name == "static" else "default")
     figure.draw(figure.signal(speeds, peaks, marker="braille" if unicode else "*").lines(True))
+    drawn = figure.build().string(colorless=True)
+    return "\n".join(line.rstrip() for line in (drawn if unicode else drawn.translate(_ASCII)).splitlines())
+
+
+def profile_plot(profile: WeldProfile, *, width: int, unicode: bool) -> str:
+    """Draw a weld's geometry in um over mm; the samples as measured as dots, where the geometry was estimated.
+
+    Args:
+        profile: of the weld.
+        width: in characters.
+        unicode: draw with more than ASCII characters.
+    """
+    x_mm, z_um = [1e3 * x for x in profile.x_m], [1e6 * z for z in profile.z_m]
+    plotext.terminal.limit(False, False)
+    figure = plotext.figure
+    figure.clear()
+    figure.theme("colorless")
+    figure.legend(False)
+    figure.plot_size(width, _HEIGHT)
+    figure.title("height of the rail in um over mm along it, the weld at 0")
+    figure.ruler("x").ticks(*_ticks(x_mm[0], x_mm[-1]))
+    figure.ruler("y", "left").ticks(*_ticks(min(z_um), max(z_um)))
+    figure.draw(figure.signal(x_mm, z_um, marker="braille" if unicode else "*").lines(True))
+    if not isinstance(profile.measured_x_m, UnsetType) and not isinstance(profile.measured_z_m, UnsetType):
+        outside = set(profile.noise.outliers_m) if isinstance(profile.noise, MeasurementNoise) else set()
+        samples = zip(profile.measured_x_m, profile.measured_z_m, strict=True)
+        kept = [(1e3 * x, 1e6 * z) for x, z in samples if x not in outside]
+        if len(kept) <= 4 * width:
+            figure.draw(figure.signal([x for x, _ in kept], [z for _, z in kept], marker="·" if unicode else "."))
     drawn = figure.build().string(colorless=True)
     return "\n".join(line.rstrip() for line in (drawn if unicode else drawn.translate(_ASCII)).splitlines())
 

@@ -31,9 +31,11 @@ from weld_force_ros.recording.weld_records import Record, WeldRecord
 from weld_force_ros.report.numbers import decimals, short, significant, thinned, without_none
 from weld_force_ros.report.table_row import what_to_measure
 from weld_force_ros.simulation.force_map_view import RelevantMap, force_curve, relevant_range
+from weld_force_ros.simulation.measured_geometry import standard_deviation
 
 MOST_POINTS = 400
 _LONGEST_RAW_TEXT = 4_000
+_NINETY_PERCENT = 1.645  # standard deviations on either side
 _HEADER = ("schema_version", "publisher", "sequence", "stamp")
 
 
@@ -180,8 +182,30 @@ def _profile(profile: WeldProfile, settings: SimulationSettings | None) -> dict[
     if settings is not None:
         wheel_x = np.linspace(x[0], x[-1], MOST_POINTS // 2)
         content["wheel_x_m"] = decimals(wheel_x, 5)
-        content["wheel_m"] = decimals(wheel_path_over(x, z, settings.wheel_radius_m).at(wheel_x), 7)
+        path = wheel_path_over(x, z, settings.wheel_radius_m, known(settings.contact_patch_m) or 0.0)
+        content["wheel_m"] = decimals(path.at(wheel_x), 7)
+    if (deviation := standard_deviation(profile)) is not None:
+        beyond = _NINETY_PERCENT * deviation[drawn]
+        content |= {"low_m": decimals(z[drawn] - beyond, 7), "high_m": decimals(z[drawn] + beyond, 7)}
+        content |= _measured(profile)
     return content
+
+
+def _measured(profile: WeldProfile) -> dict[str, Any]:
+    """Return the samples as measured, those set aside apart."""
+    x, z = np.array(known(profile.measured_x_m)), np.array(known(profile.measured_z_m))
+    noise = known(profile.noise)
+    if noise is None:
+        return {}
+    wrong = np.isin(x, noise.outliers_m)
+    kept = np.flatnonzero(~wrong)[:: max(1, len(x) // MOST_POINTS)]
+    return {
+        "noise_m": noise.noise_m,
+        "measured_x_m": decimals(x[kept], 5),
+        "measured_z_m": decimals(z[kept], 7),
+        "wrong_x_m": decimals(x[wrong], 5),
+        "wrong_z_m": decimals(z[wrong], 7),
+    }
 
 
 def _grinding(advice: GrindingAdvice) -> dict[str, Any]:
@@ -217,7 +241,10 @@ def _provenance(weld: WeldRecord) -> list[list[str]]:
         "rail": known(verdict.rail),
         "chainage": verdict.chainage_m is not UNSET and f"{verdict.chainage_m:g} m",
         "source": profile and profile.source,
+        "measured on": profile and known(profile.measured_on),
+        "operator": profile and known(profile.operator),
         "instrument": profile and known(profile.instrument),
+        "file format": profile and known(profile.format),
         "conditioning": profile and "; ".join(profile.conditioning),
         "software": verdict.software,
         "track": force_map and force_map.track,

@@ -68,7 +68,24 @@ function drawGeometry(holder, profile, grinding, still) {
    */
   const trace = (x, z, name, line) => ({x: x.map((v) => v * 1e3), y: z.map((v) => v * 1e6), name, mode: "lines", line,
     hovertemplate: hover});
-  const traces = [trace(profile.x_m, profile.z_m, "rail as measured", {color: COLOURS.blue, width: 2})];
+  /** @type {object[]} */
+  const traces = [];
+  if (profile.low_m && profile.high_m) {
+    traces.push(
+      {...trace(profile.x_m, profile.low_m, "90 % band", {width: 0}), hoverinfo: "skip", hovertemplate: undefined, showlegend: false},
+      {...trace(profile.x_m, profile.high_m, "90 % band", {width: 0}), hoverinfo: "skip", hovertemplate: undefined, fill: "tonexty", fillcolor: "rgba(0, 114, 178, 0.18)"},
+    );
+  }
+  /** @type {(x: number[], z: number[], name: string, marker: object) => object} */
+  const dots = (x, z, name, marker) => ({...trace(x, z, name, {}), mode: "markers", line: undefined, marker});
+  if (profile.measured_x_m && profile.measured_z_m) {
+    traces.push(dots(profile.measured_x_m, profile.measured_z_m, "samples", {color: COLOURS.soft, size: 3}));
+  }
+  if (profile.wrong_x_m?.length && profile.wrong_z_m) {
+    traces.push(dots(profile.wrong_x_m, profile.wrong_z_m, "set aside", {color: COLOURS.red, size: 8, symbol: "x"}));
+  }
+  const name = profile.measured_x_m ? "rail, estimated" : "rail as measured";
+  traces.push(trace(profile.x_m, profile.z_m, name, {color: COLOURS.blue, width: 2}));
   if (profile.wheel_x_m && profile.wheel_m) {
     traces.push(trace(profile.wheel_x_m, profile.wheel_m, "wheel centre", {color: COLOURS.orange, width: 1.5, dash: "dash"}));
   }

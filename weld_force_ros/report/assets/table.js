@@ -83,6 +83,7 @@ class FrontTable {
     for (const row of rows) {
       this.rows.set(row.n, row);
       this.lines.set(row.n, rowLine(row));
+      if (row.supersedes !== undefined) this.drop(row.supersedes);
     }
     this.dropOldest();
     this.show();
@@ -92,9 +93,14 @@ class FrontTable {
   dropOldest() {
     for (const n of this.rows.keys()) {
       if (this.rows.size <= this.newest) return;
-      this.rows.delete(n);
-      this.lines.delete(n);
+      this.drop(n);
     }
+  }
+
+  /** @param {number} n */
+  drop(n) {
+    this.rows.delete(n);
+    this.lines.delete(n);
   }
 
   /** @param {typeof COLUMNS[number]} column */

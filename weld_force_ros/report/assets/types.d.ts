@@ -4,6 +4,7 @@
 /** A row of the front table. */
 interface Row {
   n: number;
+  supersedes?: number;
   weld: string;
   decision: string;
   advice: string;
@@ -42,6 +43,8 @@ interface Criterion {
   speed_kmh?: number;
   position_m?: number;
   x_m?: number;
+  low?: number;
+  high?: number;
   exceeding?: number;
   exceeding_reject?: number;
   driver?: string;
@@ -128,6 +131,13 @@ interface ForceHistory {
 interface Profile {
   x_m: number[];
   z_m: number[];
+  low_m?: number[];
+  high_m?: number[];
+  noise_m?: number;
+  measured_x_m?: number[];
+  measured_z_m?: number[];
+  wrong_x_m?: number[];
+  wrong_z_m?: number[];
   wheel_x_m?: number[];
   wheel_m?: number[];
 }

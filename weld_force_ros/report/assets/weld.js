@@ -295,7 +295,8 @@ function restrictionTable({restrictions}) {
  * @param {(task: () => unknown) => void} later
  */
 function geometryPart(profile, grinding, still, later) {
-  const holder = chart("Height of the rail over the weld, and the wheel centre's path.", "low");
+  const noise = profile.noise_m === undefined ? "" : ` Measurement noise of ${number(profile.noise_m * 1e6, 2)} µm is taken out.`;
+  const holder = chart(`Height of the rail over the weld, and the wheel centre's path.${noise}`, "low");
   later(() => drawGeometry(holder, profile, grinding, still));
   return card("Geometry", holder);
 }
@@ -391,7 +392,7 @@ function criterionLine(c, sampled) {
     "tr", {class: !c.passed && c.decides !== false ? "failed" : ""},
     element("th", {scope: "row"}, criterionName(c.name), element("span", {class: `tag block ${state[0]}`}, state[1]),
       c.decides === false && element("span", {class: "tag block aside"}, "informative only")),
-    cell("Value", element("strong", {class: "nowrap"}, quantity(c.value, unitOf(c))), element("span", {class: "block"}, bar(ratioOfCriterion(c), c.passed)), element("span", {class: "small nowrap"}, timesLimit(c.ratio))),
+    cell("Value", element("strong", {class: "nowrap"}, quantity(c.value, unitOf(c))), element("span", {class: "block"}, bar(ratioOfCriterion(c), c.passed)), element("span", {class: "small nowrap"}, timesLimit(c.ratio)), c.low !== undefined && c.high !== undefined && element("span", {class: "small block"}, `90 %: ${quantity(c.low, unitOf(c))} to ${quantity(c.high, unitOf(c))}`)),
     cell("Limit", element("span", {class: "nowrap"}, quantity(c.limit, unitOf(c))), c.reject_limit !== undefined && element("span", {class: "small block"}, `reject above ${quantity(c.reject_limit, unitOf(c))}`)),
     cell("Margin", element("span", {class: margin < 0 ? "over nowrap" : "nowrap"}, quantity(margin, unitOf(c)))),
     element("td", {class: "c-where", "data-label": "Where"}, element("div", {}, ...whereOf(c))),
