@@ -41,7 +41,7 @@ def test_simulate_takes_a_file_of_the_users_own_and_writes_json_and_picture(capf
     profile = tmp_path / "mine.txt"
     profile.write_text("\n".join("0" for _ in range(30)) + "\n")
     target, picture = tmp_path / "out" / "map.jsonl", tmp_path / "out" / "map.png"
-    stated = ["--x-unit", "mm", "--z-unit", "um", "--z-positive", "up", "--spacing", "5"]
+    stated = ["--x-unit", "mm", "--z-unit", "um", "--z-positive", "up", "--spacing", "5", "--noise", "none"]
     code, lines, _ = run(
         capfd, "simulate", str(profile), *stated, *QUICK, "--json", str(target), "--plot", str(picture)
     )

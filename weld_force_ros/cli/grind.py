@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from weld_force_ros.cli import json_output
-from weld_force_ros.cli.options import Json, Limits, Plot, Profiles, SimulationOptions, with_option_groups
+from weld_force_ros.cli.options import (
+    Json,
+    Limits,
+    MeasurementOptions,
+    Plot,
+    Profiles,
+    SimulationOptions,
+    with_option_groups,
+)
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,17 +38,19 @@ def grind(
     profiles: Profiles,
     simulation: SimulationOptions,
     grinder: GrinderOptions,
+    measurement: MeasurementOptions,
     limits: Limits = None,
     json: Json = None,
     plot: Plot = None,
 ) -> None:
     """Search the minimum grinding that brings welds within their limits, and check it by the reference engine."""
     from weld_force_ros.cli import terminal
-    from weld_force_ros.measurement.profile_file import find, read_profile
+    from weld_force_ros.measurement.profile_file import find, read_profiles
     from weld_force_ros.report import figures
 
     adviser = _adviser(simulation, grinder, limits)
-    welds = [read_profile(find(name)) for name in profiles]
+    form = measurement.form()
+    welds = [weld for name in profiles for weld in read_profiles(find(name), form)]
     found = []
     with json_output.lines(json) as out, terminal.progress() as bar:
         for number, profile in enumerate(welds, start=1):

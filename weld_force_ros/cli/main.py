@@ -13,10 +13,12 @@ from typing import Any
 import typer
 
 from weld_force_ros.cli import bag, campaign, replay, study
+from weld_force_ros.cli.assess import assess
 from weld_force_ros.cli.bench import bench
 from weld_force_ros.cli.demo import demo
 from weld_force_ros.cli.fit import fit
 from weld_force_ros.cli.grind import grind
+from weld_force_ros.cli.inspect import inspect
 from weld_force_ros.cli.nodes import node, up
 from weld_force_ros.cli.population import population
 from weld_force_ros.cli.receptance import receptance
@@ -36,7 +38,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for _command in (simulate, grind, report, show, demo, up, population, receptance, fit, schema, bench):
+for _command in (assess, inspect, simulate, grind, report, show, demo, up, population, receptance, fit, schema, bench):
     app.command()(_command)
 app.command(context_settings={"ignore_unknown_options": True, "allow_extra_args": True})(node)
 app.add_typer(replay.app, name="replay")

@@ -8,7 +8,7 @@ import typer
 
 from weld_force_ros.cli.options import (
     Limits,
-    PlainTextOptions,
+    MeasurementOptions,
     SimulationOptions,
     UncertaintyOptions,
     ros_module,
@@ -44,7 +44,7 @@ def up(
     suite: SuiteOptions,
     simulation: SimulationOptions,
     uncertainty: UncertaintyOptions,
-    plain_text: PlainTextOptions,
+    measurement: MeasurementOptions,
     limits: Limits = None,
 ) -> None:
     """Run the three nodes until SIGINT or SIGTERM; each weld's verdict is shown as it comes.
@@ -57,7 +57,7 @@ def up(
     if suite.dashboard_port is not None and not suite.dashboard:
         raise InputError("--dashboard-port says where a dashboard is served", "add --dashboard")
     given: dict[str, dict[str, Any]] = {
-        "profile": {"folder": suite.folder, "detect_welds": suite.detect_welds, **vars(plain_text)},
+        "profile": {"folder": suite.folder, "detect_welds": suite.detect_welds, **vars(measurement)},
         "simulator": {
             **vars(simulation),
             "uncertainty_samples": uncertainty.samples,

@@ -16,7 +16,7 @@ from weld_force_ros.cli.standard_error import note_old_spelling
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
-    from weld_force_ros.measurement.profile_file import PlainForm
+    from weld_force_ros.measurement.instruments import InstrumentFormat
     from weld_force_ros.messages import SimulationSettings, Uncertainty
 
 Track = Annotated[str, typer.Option(help="A bundled track or the path of a track file (YAML).")]
@@ -50,6 +50,10 @@ class SimulationOptions:
     static_load_n: Annotated[float | None, typer.Option("--static-load", help="Static wheel load, N.")] = None
     wheel_radius_m: Annotated[float | None, typer.Option("--wheel-radius", help="Rolling radius, m.")] = None
     hertz_n_per_m15: Annotated[float | None, typer.Option("--hertz", help="Hertz constant, N/m^1.5.")] = None
+    contact_patch: Annotated[
+        str | None,
+        typer.Option(metavar="on|off", help="Average the rail's heights over the contact patch; default: on."),
+    ] = None
 
     def settings(self, uncertainty: "Uncertainty | None" = None) -> "SimulationSettings":
         """Return complete settings, with the defaults of `weld_force_ros.simulation.settings`.
@@ -88,6 +92,14 @@ class UncertaintyOptions:
         return self.uncertainty if self.uncertainty_samples is None else self.uncertainty_samples
 
     @property
+    def samples_or_default(self) -> int:
+        """Number of samples where probabilities are the default; 0 switches them off."""
+        from weld_force_ros.simulation.settings import DEFAULT_UNCERTAINTY_SAMPLES
+
+        given = self.samples
+        return DEFAULT_UNCERTAINTY_SAMPLES if given is None else given
+
+    @property
     def file(self) -> Path | None:
         """File of what is uncertain, by either spelling of the option."""
         if self.unknown is not None:
@@ -106,22 +118,43 @@ class UncertaintyOptions:
 
 
 @dataclass(frozen=True)
-class PlainTextOptions:
-    """The form of plain text files, which do not state it."""
+class MeasurementOptions:
+    """The form of measurement files, and what they do not state themselves."""
 
-    x_unit: Annotated[str | None, typer.Option(help="For plain text files: m, cm, mm or um.")] = None
-    z_unit: Annotated[str | None, typer.Option(help="For plain text files: m, cm, mm or um.")] = None
-    z_positive: Annotated[str | None, typer.Option(help="For plain text files: up or down.")] = None
+    format: Annotated[
+        str | None,
+        typer.Option("--format", metavar="NAME|FILE.yaml", help="How the instrument writes; default: recognised."),
+    ] = None
+    noise: Annotated[
+        str | None,
+        typer.Option(
+            metavar="auto|none|METRES",
+            help="Measurement noise: estimated and taken out (auto, default), samples as they are (none), or stated.",
+        ),
+    ] = None
+    x_unit: Annotated[str | None, typer.Option(help="Unit of positions that a file does not state: m, cm, mm, um.")] = (
+        None
+    )
+    z_unit: Annotated[str | None, typer.Option(help="Unit of heights that a file does not state: m, cm, mm, um.")] = (
+        None
+    )
+    z_positive: Annotated[
+        str | None, typer.Option(help="Where a file does not state it: up if a protrusion is positive, or down.")
+    ] = None
     spacing: Annotated[float | None, typer.Option(help="For files with heights only: sample spacing in --x-unit.")] = (
         None
     )
+    skip_rows: Annotated[int | None, typer.Option(help="Lines to skip at the top of each file.")] = None
 
-    def form(self, skip_rows: int) -> "PlainForm | None":
-        """Return the form that is stated, or None if none is."""
-        from weld_force_ros.measurement.profile_file import PlainForm
+    def form(self) -> "InstrumentFormat | None":
+        """Return how files are to be read, or None if nothing is stated.
 
-        stated = vars(self)
-        return PlainForm(**stated, skip_rows=skip_rows) if any(v is not None for v in stated.values()) else None
+        Raises:
+            InputError: a format that does not exist, or a statement that cannot be.
+        """
+        from weld_force_ros.measurement.instruments import format_of
+
+        return format_of(**vars(self))
 
 
 def with_option_groups(*hidden: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

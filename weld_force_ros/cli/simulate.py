@@ -1,14 +1,14 @@
 """Run `weld-force simulate`: forces over measured welds at every speed and position."""
 
 from functools import partial
-from typing import Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from weld_force_ros.cli import json_output
 from weld_force_ros.cli.options import (
     Json,
-    PlainTextOptions,
+    MeasurementOptions,
     Plot,
     Profiles,
     SimulationOptions,
@@ -18,48 +18,53 @@ from weld_force_ros.cli.options import (
 from weld_force_ros.cli.standard_error import report_problem
 from weld_force_ros.errors import InputError
 
+if TYPE_CHECKING:
+    from weld_force_ros.messages import ForceMap
+
 
 @with_option_groups()
 def simulate(
     profiles: Profiles,
     simulation: SimulationOptions,
     uncertainty: UncertaintyOptions,
-    plain_text: PlainTextOptions,
-    skip_rows: Annotated[int, typer.Option(help="For plain text files: lines to skip at the top.")] = 0,
+    measurement: MeasurementOptions,
     json: Json = None,
     plot: Plot = None,
 ) -> None:
     """Compute the peak force of measured welds at every speed and position."""
     from weld_force_ros.assessment.judge import deciding_history
     from weld_force_ros.cli import terminal
-    from weld_force_ros.measurement.profile_file import find, read_profile
+    from weld_force_ros.measurement.profile_file import find, read_profiles
     from weld_force_ros.simulation.simulator import Simulator
 
     settings = simulation.settings(uncertainty.uncertainty_of_settings())
-    simulator, form = Simulator(settings, on_fit=terminal.say), plain_text.form(skip_rows)
-    maps, unusable = [], 0
+    simulator, form = Simulator(settings, on_fit=terminal.say), measurement.form()
+    maps: list[ForceMap] = []
+    unreadable = 0
     with json_output.lines(json) as out, terminal.progress() as bar:
-        for number, name in enumerate(profiles, start=1):
+        for name in profiles:
             try:
-                profile = read_profile(find(name), form)
-                task = bar.add_task(profile.weld_id, total=len(settings.speeds_kmh))
-                force_map = simulator.force_map(profile, on_speed=partial(bar.advance, task))
+                welds = read_profiles(find(name), form)
             except InputError as error:
                 if len(profiles) == 1:
                     raise
                 report_problem(error)
-                unusable += 1
+                unreadable += 1
                 continue
-            bar.remove_task(task)
-            json_output.write(out, force_map)
-            maps.append(force_map)
-            if plot:
-                from weld_force_ros.report import figures
+            for weld in welds:
+                task = bar.add_task(weld.weld_id, total=len(settings.speeds_kmh))
+                force_map = simulator.force_map(weld, on_speed=partial(bar.advance, task))
+                bar.remove_task(task)
+                json_output.write(out, force_map)
+                maps.append(force_map)
+                if plot:
+                    from weld_force_ros.report import figures
 
-                picture = plot if len(profiles) == 1 else plot.with_stem(f"{plot.stem}-{number}")
-                history = deciding_history(profile, simulator, force_map)
-                figures.save(figures.one_weld(profile, force_map, history), picture)
+                    alone = len(profiles) == len(welds) == 1
+                    picture = plot if alone else plot.with_stem(f"{plot.stem}-{len(maps)}")
+                    history = deciding_history(weld, simulator, force_map)
+                    figures.save(figures.one_weld(weld, force_map, history), picture)
     if maps:
         terminal.show_maps(maps)
-    if unusable:
+    if unreadable:
         raise typer.Exit(2)

@@ -1,0 +1,85 @@
+"""Run `weld-force assess`: measurement files to verdicts, without ROS."""
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from weld_force_ros.cli import json_output
+from weld_force_ros.cli.json_output import output_file
+from weld_force_ros.cli.options import (
+    Json,
+    Limits,
+    MeasurementOptions,
+    Profiles,
+    SimulationOptions,
+    UncertaintyOptions,
+    with_option_groups,
+)
+from weld_force_ros.errors import InputError
+
+if TYPE_CHECKING:
+    from weld_force_ros.messages import Rejection
+    from weld_force_ros.recording.weld_records import Record
+
+
+@with_option_groups()
+def assess(
+    profiles: Profiles,
+    simulation: SimulationOptions,
+    uncertainty: UncertaintyOptions,
+    measurement: MeasurementOptions,
+    limits: Limits = None,
+    report: Annotated[Path | None, typer.Option(help="Also write the report page (HTML).")] = None,
+    json: Json = None,
+) -> None:
+    """Judge measured welds: what to do with each, and why; exit code 1 if a weld is not accepted."""
+    from weld_force_ros.assessment import judge
+    from weld_force_ros.assessment.limits import load_limits
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.measurement.profile_file import find, read_profiles
+    from weld_force_ros.recording.weld_records import RejectedRecord, WeldRecord
+    from weld_force_ros.simulation.simulator import Simulator
+
+    chosen = dataclasses.replace(uncertainty, uncertainty_samples=uncertainty.samples_or_default)
+    settings, applied = simulation.settings(chosen.uncertainty_of_settings()), load_limits(limits)
+    simulator, form = Simulator(settings, on_fit=terminal.say), measurement.form()
+    records: list[Record] = []
+    with json_output.lines(json) as out, terminal.progress() as bar:
+        for name in bar.track(profiles, description="assessing"):
+            try:
+                welds = read_profiles(find(name), form)
+            except InputError as error:
+                rejection = _rejection(name, error)
+                json_output.write(out, rejection)
+                records.append(RejectedRecord(rejection))
+                continue
+            for weld in welds:
+                assessed = judge.assess(weld, simulator, applied)
+                json_output.write(out, assessed.verdict)
+                records.append(
+                    WeldRecord(assessed.verdict, assessed.force_map, weld, assessed.history, settings, applied)
+                )
+    verdicts = [record.verdict for record in records if isinstance(record, WeldRecord)]
+    rejections = [record.rejection for record in records if isinstance(record, RejectedRecord)]
+    terminal.show_verdicts(verdicts, rejections)
+    if report is not None:
+        from weld_force_ros.report.html_page import page
+        from weld_force_ros.report.table_row import row
+        from weld_force_ros.report.weld_detail import detail
+
+        rows = [row(number, record) for number, record in enumerate(records, start=1)]
+        with output_file(report) as file:
+            file.write(page(rows, [detail(record) for record in records], title="Rail welds", about="assessed files"))
+        terminal.say(f"written: {report}")
+    if rejections:
+        raise typer.Exit(2)
+    if any(verdict.decision != "accept" for verdict in verdicts):
+        raise typer.Exit(1)
+
+
+def _rejection(name: str, error: InputError) -> "Rejection":
+    from weld_force_ros.messages import Rejection
+
+    return Rejection(source=Path(name).name[-200:] or name[-200:], reason=error.reason, remedy=error.remedy)

@@ -1,0 +1,84 @@
+"""Run `weld-force inspect`: what is understood of measurement files."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from weld_force_ros.cli import json_output
+from weld_force_ros.cli.options import Json, MeasurementOptions, with_option_groups
+from weld_force_ros.errors import InputError
+
+if TYPE_CHECKING:
+    from weld_force_ros.measurement.profile_file import Understood
+
+Files = Annotated[list[str], typer.Argument(help="Measurement files, or names of bundled profiles.")]
+
+
+@with_option_groups()
+def inspect(files: Files, measurement: MeasurementOptions, json: Json = None) -> None:
+    """Show what is understood of measurement files: format, units, welds, noise, wrong samples, and a small plot."""
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.measurement.profile_file import find, inspect_file
+
+    form, unreadable = measurement.form(), 0
+    with json_output.lines(json) as out:
+        for name in files:
+            try:
+                found = inspect_file(find(name), form)
+            except InputError as error:
+                unreadable += 1
+                json_output.write(out, {"source": Path(name).name, "problems": [str(error)]})
+                terminal.say(f"error: {error}")
+                continue
+            for understood in found:
+                json_output.write(out, as_json(understood))
+                _show(understood)
+    if unreadable:
+        raise typer.Exit(2)
+
+
+def as_json(understood: "Understood") -> dict[str, Any]:
+    """Return what is understood of a weld, as `design.md` lays it down."""
+    from weld_force_ros.messages import MeasurementNoise, known
+
+    profile = understood.profile
+    noise = known(profile.noise) or MeasurementNoise(method="none", noise_m=0.0)
+    return {
+        "source": profile.source,
+        "weld_id": profile.weld_id,
+        "format": understood.form,
+        "samples": understood.samples,
+        "spacing_m": round(understood.spacing_m, 9),
+        "resolution_m": known(noise.resolution_m),
+        "noise_m": noise.noise_m,
+        "outliers": noise.outliers_m,
+        "conditioning": profile.conditioning,
+        "problems": understood.problems,
+    }
+
+
+def _show(understood: "Understood") -> None:
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.report.terminal_plot import profile_plot
+
+    profile, found = understood.profile, as_json(understood)
+    rows = [
+        ("format", understood.form),
+        ("samples", f"{understood.samples}, usually {understood.spacing_m * 1e3:.4g} mm apart"),
+        ("record", f"{profile.x_m[0] * 1e3:.4g} to {profile.x_m[-1] * 1e3:.4g} mm about the weld's centre"),
+        ("heights", f"{min(profile.z_m) * 1e3:.3g} to {max(profile.z_m) * 1e3:.3g} mm, up positive"),
+        ("written in steps of", _micrometres(found["resolution_m"])),
+        ("measurement noise", f"{_micrometres(found['noise_m'])}, standard deviation; taken out" if found["noise_m"]
+         else "none: samples taken as they are"),
+        ("wrong samples", f"{len(found['outliers'])} set aside" if found["outliers"] else "none"),
+        *(("done", step) for step in profile.conditioning),
+        *(("PROBLEM", problem) for problem in understood.problems),
+    ]  # fmt: skip
+    terminal.table(f"{profile.source}: {profile.weld_id}", [("", ""), ("understood", "")], rows)
+    width = min(terminal.console.width, 100)
+    terminal.say(profile_plot(profile, width=width, unicode=terminal.console.encoding.startswith("utf")))
+
+
+def _micrometres(metres: float | None) -> str:
+    return "none found" if not metres else f"{metres * 1e6:.3g} um"
