@@ -156,4 +156,5 @@ def profile_text(height_um: float = 200.0, weld_id: str | None = None) -> str:
     """A triangular dip of 60 samples, 5 mm apart."""
     rows = [f"{5 * i},{-height_um * (1 - abs(i - 30) / 30):.3f}" for i in range(61)]
     named = [f"# weld_id: {weld_id}"] if weld_id else []
-    return "\n".join([*named, "# x_unit: mm", "# z_unit: um", "# z_positive: up", "x,z", *rows, ""])
+    stated = ["# x_unit: mm", "# z_unit: um", "# z_positive: up", "# noise: none", "# samples: 61"]
+    return "\n".join([*named, *stated, "x,z", *rows, ""])

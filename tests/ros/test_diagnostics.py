@@ -86,7 +86,9 @@ def test_node_recovers_after_a_rejected_file(
 ) -> None:
     arrays = probe.collect("/diagnostics", DiagnosticArray, qos.DIAGNOSTICS)
     (folder / "bad.csv").write_text("# x_unit: mm\nx,z\n0,nonsense\n")
-    with NodeSuite(("profile",), parameters={"profile": {"folder": str(folder), "settle_s": 0.05}}):
+    with NodeSuite(
+        ("profile",), parameters={"profile": {"folder": str(folder), "settle_s": 0.05, "unfinished_s": 0.3}}
+    ):
         (warned, *_) = arrays.wait(1, lambda a: a.status[0].level == WARN)
         assert warned.status[0].message.startswith("bad.csv: ")
         monkeypatch.setattr(diagnostics, "RECOVERY_S", 0.0)  # not before a warning has come, however late it comes

@@ -34,7 +34,7 @@ def suite(
     return NodeSuite(
         kinds,
         parameters={
-            "profile": {"folder": str(folder), "settle_s": 0.05},
+            "profile": {"folder": str(folder), "settle_s": 0.05, "unfinished_s": 0.3},
             "simulator": {"speeds": "40,80", "positions": "0.15"},
             "assessment": {"bag": str(bag)},
         },

@@ -100,7 +100,7 @@ def slow_suite(folder: Path, bag: Path, outcomes: Outcomes, made: list[QuickSimu
 
     return NodeSuite(
         parameters={
-            "profile": {"folder": str(folder), "settle_s": 0.05},
+            "profile": {"folder": str(folder), "settle_s": 0.05, "unfinished_s": 0.3},
             "simulator": {"speeds": "40"},
             "assessment": {"bag": str(bag)},
         },

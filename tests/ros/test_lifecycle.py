@@ -24,7 +24,7 @@ def suite(folder: Path, outcomes: Any = None, kinds: tuple[Kind, ...] = KINDS, *
     with NodeSuite(
         kinds,
         parameters={
-            "profile": {"folder": str(folder), "settle_s": 0.05, **common},
+            "profile": {"folder": str(folder), "settle_s": 0.05, "unfinished_s": 0.3, **common},
             "simulator": {"speeds": "40,80", "positions": "0.15", **common},
             "assessment": common,
         },

@@ -51,7 +51,7 @@ def running(
     **simulator: Any,
 ) -> Iterator[NodeSuite]:
     parameters: dict[Kind, dict[str, Any]] = {
-        "profile": {"folder": str(folder or ""), "settle_s": 0.05},
+        "profile": {"folder": str(folder or ""), "settle_s": 0.05, "unfinished_s": 0.3},
         "simulator": {"speeds": SPEEDS, "positions": POSITIONS, **simulator},
         "assessment": {"bag": str(bag or "")},
     }
@@ -131,7 +131,7 @@ def plotted(array: Any) -> dict[str, float | str]:
 def test_real_simulation_from_file_to_recorded_verdict(domain_id: int, folder: Path, tmp_path: Path) -> None:
     outcomes, bag = Outcomes(), tmp_path / "bag"
     parameters: dict[Kind, dict[str, Any]] = {
-        "profile": {"folder": str(folder), "settle_s": 0.05},
+        "profile": {"folder": str(folder), "settle_s": 0.05, "unfinished_s": 0.3},
         "simulator": {"speeds": SPEEDS, "positions": POSITIONS},
         "assessment": {"bag": str(bag)},
     }
@@ -185,7 +185,7 @@ def test_history_is_of_the_passage_that_decided_by_the_limits_that_hold(
     peak.write_text(criterion.format("peak_force", 1e3, "N"))
     outcomes, histories = Outcomes(), probe.collect("force_history", String, qos.CONTRACT)
     parameters: dict[Kind, dict[str, Any]] = {
-        "profile": {"folder": str(folder), "settle_s": 0.05},
+        "profile": {"folder": str(folder), "settle_s": 0.05, "unfinished_s": 0.3},
         "simulator": {"speeds": SPEEDS, "positions": POSITIONS},
         "assessment": {"limits": str(unloading)},
     }
@@ -424,7 +424,7 @@ def test_namespaces_keep_two_rails_apart(domain_id: int, tmp_path: Path) -> None
         suites.append(
             NodeSuite(
                 parameters={
-                    "profile": {"folder": str(tmp_path / side), "settle_s": 0.05},
+                    "profile": {"folder": str(tmp_path / side), "settle_s": 0.05, "unfinished_s": 0.3},
                     "simulator": {"speeds": SPEEDS},
                 },
                 ros_args=["--ros-args", "-r", f"__ns:=/{side}"],

@@ -127,7 +127,7 @@ def field(*, bad_every: int = 0, **simulator: Any) -> Iterator[Field]:
         load, bag = Load(folder, bad_every), folder / "bag"
         supervisor = Supervisor(
             {
-                "profile": {"folder": str(load.folder), "settle_s": 0.0},
+                "profile": {"folder": str(load.folder), "settle_s": 0.0, "unfinished_s": 0.5},
                 "simulator": simulator,
                 "assessment": {"bag": str(bag), "split_mb": 64.0},
             },

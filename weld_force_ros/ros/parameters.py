@@ -12,7 +12,13 @@ import msgspec
 from weld_force_ros import _yaml
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import SimulationSettings, legible
-from weld_force_ros.simulation.settings import load_uncertainty, parse_positions, parse_speeds, simulation_settings
+from weld_force_ros.simulation.settings import (
+    DEFAULT_UNCERTAINTY_SAMPLES,
+    load_uncertainty,
+    parse_positions,
+    parse_speeds,
+    simulation_settings,
+)
 
 Value = str | float | int | bool
 
@@ -47,12 +53,16 @@ _AUTOSTART = NodeParameter("autostart", True, "configure and activate at once, w
 PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
     "profile_node": (
         _AUTOSTART,
-        NodeParameter("folder", "", "folder of measurement files (*.csv, *.txt), watched; captures are written to it"),
-        NodeParameter("settle_s", 0.2, "s that a file must stay unchanged before it is read", 0.0, 600.0),
+        NodeParameter("folder", "", "folder of measurement files, watched; captures are written to it"),
+        NodeParameter("settle_s", 0.2, "s that a file whose content is complete must stay unchanged", 0.0, 600.0),
+        NodeParameter("unfinished_s", 6.0, "s that any other file must stay unchanged before it is read", 0.0, 3600.0),
+        NodeParameter("format", "", "a bundled format of measurement files, or a descriptor (YAML); empty: recognised"),
+        NodeParameter("noise", "auto", "measurement noise: auto (estimated and taken out), none, or m"),
         NodeParameter("x_unit", "", f"unit of the positions {_UNIT}"),
         NodeParameter("z_unit", "", f"unit of the heights {_UNIT}"),
         NodeParameter("z_positive", "", "up or down: what a positive height means in files that do not state it"),
         NodeParameter("spacing", 0.0, "distance of samples in x_unit, for files of heights only", 0.0, 1e6),
+        NodeParameter("skip_rows", 0, "lines to skip at the top of each file", 0, 100_000),
         NodeParameter("rail", "", "name of the rail that a live trolley measures, such as left"),
         NodeParameter("detect_welds", False, "look for welds in the live rail surface, beside those that are marked"),
         NodeParameter(
@@ -76,9 +86,10 @@ PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
         NodeParameter("static_load_n", 0.0, f"static wheel load, N; {_OWN}", 0.0, 1e6),
         NodeParameter("wheel_radius_m", 0.0, f"wheel radius, m; {_OWN}", 0.0, 2.0),
         NodeParameter("hertz_n_per_m15", 0.0, f"contact stiffness, N/m^1.5; {_OWN}", 0.0, 1e13),
+        NodeParameter("contact_patch", "on", "average the rail's heights over the contact patch: on or off"),
         NodeParameter(
             "uncertainty_samples",
-            0,
+            DEFAULT_UNCERTAINTY_SAMPLES,
             "samples of what is not known, for verdicts with probabilities; 0: none",
             0,
             10_000,
@@ -182,6 +193,7 @@ def settings_from_parameters(values: Mapping[str, Any]) -> SimulationSettings:
         uncertainty=load_uncertainty(
             given["uncertainty_samples"], Path(given["uncertainty"]).expanduser() if given["uncertainty"] else None
         ),
+        contact_patch=given["contact_patch"],
         **{name: given[name] or None for name in wheel},
     )
 

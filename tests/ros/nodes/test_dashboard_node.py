@@ -42,7 +42,7 @@ def running(
     bag: str = "",
 ) -> Iterator[NodeSuite]:
     parameters: dict[Kind, dict[str, Any]] = {
-        "profile": {"folder": str(folder), "settle_s": 0.05},
+        "profile": {"folder": str(folder), "settle_s": 0.05, "unfinished_s": 0.3},
         "simulator": {"speeds": "40,80,120", "positions": "0.15,0.30"},
         "assessment": {"bag": bag},
         "dashboard": {"port": 0},

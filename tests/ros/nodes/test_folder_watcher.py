@@ -19,8 +19,9 @@ def watching(folder: Path, settle_s: float = 0.05) -> Iterator[tuple[FolderWatch
     taken = Outcomes()
     watcher = FolderWatcher(
         folder,
-        (".csv", ".txt"),
         settle_s,
+        60.0,
+        lambda path: True,
         lambda paths: [taken((path.name, path.read_text())) for path in paths],
         lambda problem: None,
     )
@@ -56,8 +57,9 @@ def test_file_is_taken_no_sooner_than_it_has_stood_still(folder: Path) -> None:
     taken = Outcomes()
     watcher = FolderWatcher(
         folder,
-        (".csv",),
         settle_s,
+        60.0,
+        lambda path: True,
         lambda paths: [taken((path.read_text(), time.monotonic())) for path in paths],
         lambda problem: None,
     )
@@ -92,7 +94,7 @@ def test_file_that_grows_while_it_is_in_hand_is_taken_again_once_it_stands_still
 
     (folder / "a.csv").write_text("a")
     (folder / "b.csv").write_text("first ")
-    watcher = FolderWatcher(folder, (".csv",), settle_s, take, lambda problem: None)
+    watcher = FolderWatcher(folder, settle_s, 60.0, lambda path: True, take, lambda problem: None)
     watcher.start()
     try:
         *_, (name, content, taken_at) = taken.wait(3)
@@ -106,7 +108,9 @@ def test_many_files_are_handed_over_some_at_a_time(folder: Path) -> None:
     for number in range(BATCH_FILES + 5):
         (folder / f"{number:04}.csv").write_text("x")
     handed: list[int] = []
-    watcher = FolderWatcher(folder, (".csv",), 0.0, lambda paths: handed.append(len(paths)), lambda problem: None)
+    watcher = FolderWatcher(
+        folder, 0.0, 60.0, lambda path: True, lambda paths: handed.append(len(paths)), lambda problem: None
+    )
     watcher.start()
     try:
         wait_until(lambda: sum(handed) == BATCH_FILES + 5)
@@ -138,7 +142,9 @@ def test_files_of_a_relative_folder_keep_their_path(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     taken = Outcomes()
-    watcher = FolderWatcher(Path(folder.name), (".csv",), 0.05, lambda paths: taken(*paths), lambda problem: None)
+    watcher = FolderWatcher(
+        Path(folder.name), 0.05, 60.0, lambda path: True, lambda paths: taken(*paths), lambda problem: None
+    )
     (folder / "a.csv").write_text("there before")
     watcher.start()
     try:
@@ -149,9 +155,9 @@ def test_files_of_a_relative_folder_keep_their_path(
         watcher.close(5.0)
 
 
-def test_what_is_no_measurement_file_is_left_alone(folder: Path) -> None:
+def test_hidden_and_unfinished_files_folders_and_pipes_are_left_alone(folder: Path) -> None:
     (folder / ".hidden.csv").write_text("x")
-    (folder / "picture.png").write_text("x")
+    (folder / "a.csv.part").write_text("x")
     (folder / "folder.csv").mkdir()
     (folder / "folder.csv" / "below.csv").write_text("x")
     os.mkfifo(folder / "pipe.csv")
@@ -169,7 +175,7 @@ def test_folder_that_comes_back_is_watched_again(folder: Path, tmp_path: Path) -
         problems.append(problem)
         noticed.set()
 
-    watcher = FolderWatcher(folder, (".csv",), 0.05, lambda paths: taken(paths[0].name), report_problem)
+    watcher = FolderWatcher(folder, 0.05, 60.0, lambda path: True, lambda paths: taken(paths[0].name), report_problem)
     folder.rmdir()
     watcher.start()
     try:
@@ -185,10 +191,47 @@ def test_folder_that_comes_back_is_watched_again(folder: Path, tmp_path: Path) -
 @pytest.mark.parametrize("already_running", [True, False])
 def test_closed_watcher_takes_nothing_more(folder: Path, already_running: bool) -> None:
     taken = Outcomes()
-    watcher = FolderWatcher(folder, (".csv",), 0.0, lambda paths: taken(*paths), lambda problem: None)
+    watcher = FolderWatcher(folder, 0.0, 60.0, lambda path: True, lambda paths: taken(*paths), lambda problem: None)
     if already_running:
         watcher.start()
     watcher.close(5.0)
     (folder / "a.csv").write_text("x")
     assert not watcher.running
     assert taken.messages == []
+
+
+def test_file_that_does_not_say_it_is_complete_must_stand_still_for_longer(folder: Path) -> None:
+    taken, content = Outcomes(), {"whole": True, "half": False}
+    watcher = FolderWatcher(
+        folder,
+        0.05,
+        1.0,
+        lambda path: content[path.read_text()],
+        lambda paths: [taken((path.read_text(), time.monotonic())) for path in paths],
+        lambda problem: None,
+    )
+    began = time.monotonic()
+    watcher.start()
+    try:
+        (folder / "a.csv").write_text("half")
+        (folder / "b.dat").write_text("whole")
+        (folder / "c.csv.part").write_text("whole")
+        first, second = taken.wait(2)
+    finally:
+        watcher.close(5.0)
+    assert (first[0], second[0]) == ("whole", "half")
+    assert second[1] - began >= 1.0
+
+
+def test_file_of_long_ago_is_taken_at_once(folder: Path) -> None:
+    (folder / "a.csv").write_text("half")
+    os.utime(folder / "a.csv", (time.time() - 100, time.time() - 100))
+    taken = Outcomes()
+    watcher = FolderWatcher(
+        folder, 0.05, 60.0, lambda path: False, lambda paths: taken(paths[0].name), lambda problem: None
+    )
+    watcher.start()
+    try:
+        assert taken.wait(1) == ["a.csv"]
+    finally:
+        watcher.close(5.0)

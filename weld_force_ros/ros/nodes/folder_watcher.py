@@ -14,6 +14,7 @@ BATCH_FILES = 256
 """How many files are handed over in one call."""
 
 _TICK_MS = 20
+_UNFINISHED = (".part", ".partial", ".crdownload", ".tmp", "~")  # what copying programs call a file until it is there
 _FULL_SCAN_S = 5.0  # events of network drives may never come, and a burst of them may overflow
 _RETRY_S = 1.0
 
@@ -29,8 +30,10 @@ class FolderWatcher:
 
     Args:
         folder: folder to watch; the files already there are handed over first.
-        suffixes: endings, in lower case, of the files that are handed over; hidden files never are.
-        settle_s: how long size and time of change must stay the same before a file counts as written.
+        settle_s: how long size and time of change must stay the same before a file whose content is complete is handed
+            over.
+        unfinished_s: how long they must for any other: a quiet time does not tell that a file is complete.
+        is_complete: returns whether the content of a file says that it is all there.
         take: called with the files that are ready, at most `BATCH_FILES` of them, in order of name; raises nothing.
         report_problem: called with a problem of the folder itself, which is tried again.
     """
@@ -38,18 +41,21 @@ class FolderWatcher:
     def __init__(
         self,
         folder: Path,
-        suffixes: tuple[str, ...],
         settle_s: float,
+        unfinished_s: float,
+        is_complete: Callable[[Path], bool],
         take: Callable[[Sequence[Path]], None],
         report_problem: Callable[[str], None],
     ) -> None:
         self._folder = folder
-        self._suffixes = suffixes
         self._settle_s = settle_s
+        self._unfinished_s = unfinished_s
+        self._is_complete = is_complete
         self._take = take
         self._report_problem = report_problem
         self._taken: dict[str, _State] = {}
         self._waiting: dict[str, tuple[_State, float]] = {}
+        self._incomplete: dict[str, _State] = {}
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -106,7 +112,7 @@ class FolderWatcher:
 
     def _note(self, names: Iterable[str]) -> None:
         for name in names:
-            if name.lower().endswith(self._suffixes) and not name.startswith("."):
+            if not name.startswith(".") and not name.endswith(_UNFINISHED):
                 self._track(name)
 
     def _hand_over(self) -> None:
@@ -114,13 +120,29 @@ class FolderWatcher:
         for begin in range(0, len(names), BATCH_FILES):
             if self._stop.is_set():
                 return
-            ready = [name for name in names[begin : begin + BATCH_FILES] if self._track(name) >= self._settle_s]
+            ready = [name for name in names[begin : begin + BATCH_FILES] if self._is_ready(name)]
             # Noted before they are read: what is written meanwhile is another state.
             self._taken |= {name: self._waiting[name][0] for name in ready}
             if ready:
                 self._take([self._folder / name for name in ready])
             for name in ready:
                 self._waiting.pop(name)
+
+    def _is_ready(self, name: str) -> bool:
+        quiet_s = self._track(name)
+        if quiet_s < self._settle_s:
+            return False
+        state = self._waiting[name][0]
+        # A file that nobody wrote to for long before it was seen was moved or copied here as a whole.
+        if max(quiet_s, time.time() - state.modified_ns * 1e-9) >= self._unfinished_s:
+            return True
+        if self._incomplete.get(name) == state:
+            return False
+        if self._is_complete(self._folder / name):
+            self._incomplete.pop(name, None)
+            return True
+        self._incomplete[name] = state
+        return False
 
     def _track(self, name: str) -> float:
         """Return for how many seconds a file has been as it is now; -inf if there is nothing to hand over."""

@@ -1,7 +1,6 @@
 """Node profile_node: measurement files in a watched folder, and a live trolley -> weld_profile."""
 
 import hashlib
-import re
 import threading
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,9 +9,10 @@ from typing import Any
 from msgspec import UNSET
 from rclpy.clock import Clock, ClockType
 
-from weld_force_ros.errors import InputError
-from weld_force_ros.measurement.profile_file import PlainForm, parse_profile
-from weld_force_ros.measurement.text_columns import MAX_FILE_BYTES
+from weld_force_ros.errors import InputError, MessageError
+from weld_force_ros.measurement.instruments import format_of
+from weld_force_ros.measurement.profile_file import is_complete, parse_profiles
+from weld_force_ros.measurement.text_file import MAX_FILE_BYTES
 from weld_force_ros.messages import TOPICS, Inquiry, Rejection, Settled, WeldProfile, measurement_id
 from weld_force_ros.ros.contract_topics import ContractTopics
 from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
@@ -20,13 +20,12 @@ from weld_force_ros.ros.nodes.flow_control import FlowControl
 from weld_force_ros.ros.nodes.folder_watcher import FolderWatcher
 from weld_force_ros.ros.nodes.trolley_input import TrolleyInput
 
-SUFFIXES = (".csv", ".txt")
-
-_STATES_ITS_UNITS = re.compile(rb"^\s*#\s*(x_unit|z_unit|z_positive)\s*:", re.MULTILINE | re.IGNORECASE)
+_READ_AT_ONCE = 16  # files
+_STATEMENTS = ("format", "noise", "x_unit", "z_unit", "z_positive", "spacing", "skip_rows")
 
 
 class ProfileNode(LifecycleNodeBase):
-    """Publishes each file's content once, as a WeldProfile or a Rejection; a file that changed is measured anew.
+    """Publishes the welds of each file's content once, as WeldProfiles or a Rejection; a changed file is measured anew.
 
     Files are read in the watcher's thread, which waits while many measurements are without an outcome: the folder is
     the buffer. What is in the folder at the start counts, unless the ledger knows its outcome. Welds of a live trolley
@@ -37,13 +36,20 @@ class ProfileNode(LifecycleNodeBase):
 
     def _configure(self, values: dict[str, Any]) -> None:
         folder = _folder(values["folder"])
-        self._form = _plain_form(values)
+        self._form = format_of(**{name: values[name] for name in _STATEMENTS})
         self._stopping = threading.Event()
         self.topics = self._resources.enter_context(ContractTopics(self, [WeldProfile, Rejection, Inquiry]))
         settled_topic = self.resolve_topic_name(TOPICS[Settled].name)
         self._flow_control = FlowControl(self.topics, lambda: self.count_publishers(settled_topic), self._stopping)
         self.topics.subscribe(Settled, self._flow_control.take_settled)
-        self._watcher = FolderWatcher(folder, SUFFIXES, values["settle_s"], self._take, self.topics.report_problem)
+        self._watcher = FolderWatcher(
+            folder,
+            values["settle_s"],
+            values["unfinished_s"],
+            self._is_complete,
+            self._take,
+            self.topics.report_problem,
+        )
         self._trolley = self._resources.enter_context(TrolleyInput(self, folder, self.topics, values))
         timer = self.create_timer(1.0, self._flow_control.ask_again, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._resources.callback(self.destroy_timer, timer)
@@ -86,22 +92,29 @@ class ProfileNode(LifecycleNodeBase):
             return None
         return f"{self._flow_control.under_way} measurements wait for an outcome: are simulator and assessment running?"
 
-    def _take(self, paths: Sequence[Path]) -> None:
-        files = {}
-        for path in paths:
-            if (file := self._read(path)) is not None:
-                files[file.profile_id] = file
-        for profile_id in self._flow_control.without_outcome(list(files)):
-            files[profile_id].wanted = True
-        for file in files.values():
-            if file.wanted and not self._stopping.is_set():
-                self._publish(file)
+    def _is_complete(self, path: Path) -> bool:
+        try:
+            with path.open("rb") as file:
+                return is_complete(file.read(MAX_FILE_BYTES + 1), self._form)
+        except OSError:
+            return True  # the reason is given when it is read
 
-    def _read(self, path: Path) -> "_File | None":
+    def _take(self, paths: Sequence[Path]) -> None:
+        for begin in range(0, len(paths), _READ_AT_ONCE):  # the simulator need not wait for all of them
+            outcomes: dict[str, WeldProfile | Rejection] = {}
+            for path in paths[begin : begin + _READ_AT_ONCE]:
+                if (content := self._read(path)) is not None:
+                    outcomes |= {str(outcome.profile_id): outcome for outcome in self._outcomes(*content)}
+            wanted = self._flow_control.without_outcome(list(outcomes))
+            for profile_id, outcome in outcomes.items():
+                if profile_id in wanted and not self._stopping.is_set():
+                    self._publish(outcome)
+
+    def _read(self, path: Path) -> tuple[str, bytes] | None:
         name = str(path.name).encode("utf-8", "replace").decode()
         try:
             with path.open("rb") as file:
-                return _File(name, file.read(MAX_FILE_BYTES + 1))
+                return name, file.read(MAX_FILE_BYTES + 1)
         except FileNotFoundError:
             return None
         except OSError as error:
@@ -111,30 +124,29 @@ class ProfileNode(LifecycleNodeBase):
             self.topics.reject(name, problem)
             return None
 
-    def _publish(self, file: "_File") -> None:
-        form = None if _STATES_ITS_UNITS.search(file.content) else self._form
+    def _outcomes(self, name: str, content: bytes) -> list[WeldProfile | Rejection]:
+        """Return the welds of a file, or why there are none; each with the identity of its measurement."""
+        digest = hashlib.sha256(content).hexdigest()
         try:
-            profile = parse_profile(file.content, file.name, form)
-            profile.profile_id = file.profile_id
-            self._flow_control.send(profile)
+            welds = [understood.profile for understood in parse_profiles(content, name, self._form)]
         except Exception as error:  # whatever is wrong with a file, it ends as a Rejection
-            whole = len(file.content) <= MAX_FILE_BYTES
-            text = file.content.decode("utf-8", "replace")
-            digest = file.sha256 if whole else UNSET
-            self._flow_control.send(
-                self.topics.rejection(file.name, error, text, source_sha256=digest, profile_id=file.profile_id)
+            text = content.decode("utf-8", "replace")
+            whole = digest if len(content) <= MAX_FILE_BYTES else UNSET
+            rejected = self.topics.rejection(
+                name, error, text, source_sha256=whole, profile_id=measurement_id(name, digest)
             )
+            return [rejected]
+        for count, weld in enumerate(welds):
+            weld.profile_id = measurement_id(name if len(welds) == 1 else f"{name}#{count + 1}", digest)
+            weld.file_version_of = name[-200:]
+        return [*welds]
 
-
-class _File:
-    """A file as it was read; `wanted` if it has no outcome yet."""
-
-    def __init__(self, name: str, content: bytes) -> None:
-        self.name = name
-        self.content = content
-        self.sha256 = hashlib.sha256(content).hexdigest()
-        self.profile_id = measurement_id(name, self.sha256)
-        self.wanted = False
+    def _publish(self, outcome: WeldProfile | Rejection) -> None:
+        try:
+            self._flow_control.send(outcome)
+        except MessageError as error:
+            if isinstance(outcome, WeldProfile):
+                self._flow_control.send(self.topics.rejection(outcome.source, error, "", profile_id=outcome.profile_id))
 
 
 def _folder(text: str) -> Path:
@@ -144,13 +156,3 @@ def _folder(text: str) -> Path:
     if not folder.is_dir():
         raise InputError(f"folder {folder} does not exist", "create it, or name another one")
     return folder
-
-
-def _plain_form(values: dict[str, Any]) -> PlainForm:
-    """Return the form of files without a header; an empty text and 0 mean: not stated."""
-    return PlainForm(
-        x_unit=values["x_unit"] or None,
-        z_unit=values["z_unit"] or None,
-        z_positive=values["z_positive"] or None,
-        spacing=values["spacing"] or None,
-    )
