@@ -64,7 +64,7 @@ def sustained(seconds: float = 60.0, welds_per_s: float = 5.0) -> dict[str, Any]
     try:
         steady = _run(round(seconds * welds_per_s), 1 / welds_per_s)
         flood = _run(_FLOOD, 0.0)
-        sampled = _run(_FLOOD // 3, 0.0, DEFAULT_UNCERTAINTY_SAMPLES)
+        sampled = _run(max(3, _FLOOD // 3), 0.0, DEFAULT_UNCERTAINTY_SAMPLES)
     except ImportError:
         return {}
     return {

@@ -24,9 +24,10 @@ settings.load_profile("core")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Trace the fast tests only: tracing nearly doubles the time of the slow ones, and adds few lines to the cover."""
+    """Trace single fast tests only: it nearly doubles the time of slow and of property tests, for few more lines."""
     for item in items:
-        if item.get_closest_marker("slow"):
+        is_property = getattr(getattr(item, "obj", None), "is_hypothesis_test", False)
+        if item.get_closest_marker("slow") or is_property:
             item.add_marker("no_cover")
 
 

@@ -21,7 +21,7 @@ from weld_force_ros.simulation import track_file
 
 pytestmark = pytest.mark.slow
 
-COUNT, SEED = 2_000, 1
+COUNT, SEED = 1_000, 1
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def test_mutations_reach_what_is_behind_the_parsers(report):
         total.add(tally)
     assert total.mutated >= 0.95 * COUNT
     assert 0.5 < total.past_parsing / total.mutated < 0.95
-    assert total.judged > 20
+    assert total.judged > 10
 
 
 # The run itself notices what it is there to notice

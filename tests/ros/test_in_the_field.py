@@ -35,7 +35,7 @@ def suite(
         kinds,
         parameters={
             "profile": {"folder": str(folder), "settle_s": 0.05, "unfinished_s": 0.3},
-            "simulator": {"speeds": "40,80", "positions": "0.15"},
+            "simulator": {"uncertainty_samples": 0, "speeds": "40,80", "positions": "0.15"},
             "assessment": {"bag": str(bag)},
         },
         load_simulator=QuickSimulator,
@@ -249,7 +249,9 @@ def test_flood_of_a_foreign_publisher_waits_where_it_is_kept(domain_id: int, pro
         return made[0]
 
     maps = probe.collect("force_map", String, qos.CONTRACT)
-    with NodeSuite(("simulator",), parameters={"simulator": {"speeds": "40"}}, load_simulator=load) as running:
+    with NodeSuite(
+        ("simulator",), parameters={"simulator": {"uncertainty_samples": 0, "speeds": "40"}}, load_simulator=load
+    ) as running:
         longest = 0
         for i in range(300):
             profile = parse_profile(profile_text(100 + i, f"weld-{i:03}"), f"{i}.csv")

@@ -101,7 +101,7 @@ def slow_suite(folder: Path, bag: Path, outcomes: Outcomes, made: list[QuickSimu
     return NodeSuite(
         parameters={
             "profile": {"folder": str(folder), "settle_s": 0.05, "unfinished_s": 0.3},
-            "simulator": {"speeds": "40"},
+            "simulator": {"uncertainty_samples": 0, "speeds": "40"},
             "assessment": {"bag": str(bag)},
         },
         load_simulator=load,
@@ -183,7 +183,7 @@ def test_handlers_are_restored(domain_id: int) -> None:
 def test_three_processes_make_a_pipeline(domain_id: int, probe: Probe, folder: Path, tmp_path: Path) -> None:
     (folder / "weld.csv").write_text(profile_text(300))
     verdicts = probe.collect("verdict", String, qos.CONTRACT)
-    simulator = ("simulator", "--ros-args", "-p", "speeds:=40,80", "-p", "positions:=2")
+    simulator = ("simulator", "--ros-args", "-p", "speeds:=40,80", "-p", "positions:=2", "-p", "uncertainty_samples:=0")
     profile = ("profile", "--ros-args", "-p", f"folder:={folder}")
     assessment = ("assessment", "--ros-args", "-p", f"bag:={tmp_path / 'bag'}")
     with node_process(*assessment) as last, node_process(*simulator) as middle, node_process(*profile) as first:

@@ -25,7 +25,7 @@ def suite(folder: Path, outcomes: Any = None, kinds: tuple[Kind, ...] = KINDS, *
         kinds,
         parameters={
             "profile": {"folder": str(folder), "settle_s": 0.05, "unfinished_s": 0.3, **common},
-            "simulator": {"speeds": "40,80", "positions": "0.15", **common},
+            "simulator": {"uncertainty_samples": 0, "speeds": "40,80", "positions": "0.15", **common},
             "assessment": common,
         },
         load_simulator=QuickSimulator,

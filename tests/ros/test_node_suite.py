@@ -52,7 +52,7 @@ def running(
 ) -> Iterator[NodeSuite]:
     parameters: dict[Kind, dict[str, Any]] = {
         "profile": {"folder": str(folder or ""), "settle_s": 0.05, "unfinished_s": 0.3},
-        "simulator": {"speeds": SPEEDS, "positions": POSITIONS, **simulator},
+        "simulator": {"uncertainty_samples": 0, "speeds": SPEEDS, "positions": POSITIONS, **simulator},
         "assessment": {"bag": str(bag or "")},
     }
     with NodeSuite(
@@ -132,7 +132,7 @@ def test_real_simulation_from_file_to_recorded_verdict(domain_id: int, folder: P
     outcomes, bag = Outcomes(), tmp_path / "bag"
     parameters: dict[Kind, dict[str, Any]] = {
         "profile": {"folder": str(folder), "settle_s": 0.05, "unfinished_s": 0.3},
-        "simulator": {"speeds": SPEEDS, "positions": POSITIONS},
+        "simulator": {"uncertainty_samples": 0, "speeds": SPEEDS, "positions": POSITIONS},
         "assessment": {"bag": str(bag)},
     }
     with NodeSuite(parameters=parameters, on_verdict=outcomes, on_rejection=outcomes) as suite:
@@ -186,7 +186,7 @@ def test_history_is_of_the_passage_that_decided_by_the_limits_that_hold(
     outcomes, histories = Outcomes(), probe.collect("force_history", String, qos.CONTRACT)
     parameters: dict[Kind, dict[str, Any]] = {
         "profile": {"folder": str(folder), "settle_s": 0.05, "unfinished_s": 0.3},
-        "simulator": {"speeds": SPEEDS, "positions": POSITIONS},
+        "simulator": {"uncertainty_samples": 0, "speeds": SPEEDS, "positions": POSITIONS},
         "assessment": {"limits": str(unloading)},
     }
     with NodeSuite(parameters=parameters, load_simulator=UnloadingSimulator, on_verdict=outcomes) as suite:
@@ -425,7 +425,7 @@ def test_namespaces_keep_two_rails_apart(domain_id: int, tmp_path: Path) -> None
             NodeSuite(
                 parameters={
                     "profile": {"folder": str(tmp_path / side), "settle_s": 0.05, "unfinished_s": 0.3},
-                    "simulator": {"speeds": SPEEDS},
+                    "simulator": {"uncertainty_samples": 0, "speeds": SPEEDS},
                 },
                 ros_args=["--ros-args", "-r", f"__ns:=/{side}"],
                 load_simulator=QuickSimulator,

@@ -128,7 +128,7 @@ def field(*, bad_every: int = 0, **simulator: Any) -> Iterator[Field]:
         supervisor = Supervisor(
             {
                 "profile": {"folder": str(load.folder), "settle_s": 0.0, "unfinished_s": 0.5},
-                "simulator": simulator,
+                "simulator": {"uncertainty_samples": 0, **simulator},
                 "assessment": {"bag": str(bag), "split_mb": 64.0},
             },
             ["--ros-args", "--log-level", "fatal"],

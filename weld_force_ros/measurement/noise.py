@@ -13,7 +13,7 @@ METHOD = "adaptive spline"
 MOST_WRONG = 0.05
 """Share of samples that may be set aside: of a record with more, nobody knows which are right."""
 LARGEST_NOISE_M = 100e-6
-"""No straightedge scatters more; heights in whole tenths of a millimetre scatter by 29 um."""
+"""Beyond it the heights are not those of a rail (judgement); those in whole tenths of a millimetre scatter by 29 um."""
 _NAMED = 5
 
 

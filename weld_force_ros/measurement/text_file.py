@@ -91,6 +91,8 @@ def text_file(raw: bytes, encoding: str | None = None) -> TextFile:
         raise ProfileError("binary, it holds control characters", "export the measurement as text")
     if not ended.strip():
         raise ProfileError("empty", "give a file with columns x,z")
+    if ended.count("\n") + ended.count("\r") > 3 * _MAX_LINES:  # at once, not after taking them apart
+        raise ProfileError(f"more than {_MAX_LINES} lines", "give one weld a file, at 0.1 mm or coarser")
     texts = _LINE_ENDS.split(ended)
     longest = max(range(len(texts)), key=lambda i: len(texts[i]))
     if len(texts[longest]) > _LONGEST_LINE:

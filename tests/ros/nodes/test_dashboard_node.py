@@ -43,7 +43,7 @@ def running(
 ) -> Iterator[NodeSuite]:
     parameters: dict[Kind, dict[str, Any]] = {
         "profile": {"folder": str(folder), "settle_s": 0.05, "unfinished_s": 0.3},
-        "simulator": {"speeds": "40,80,120", "positions": "0.15,0.30"},
+        "simulator": {"uncertainty_samples": 0, "speeds": "40,80,120", "positions": "0.15,0.30"},
         "assessment": {"bag": bag},
         "dashboard": {"port": 0},
     }
@@ -163,7 +163,18 @@ def test_a_used_port_keeps_the_node_from_starting(domain_id: int, used_port: int
 @contextmanager
 def up(folder: Path, *arguments: str) -> Iterator["subprocess.Popen[str]"]:
     """The command, ended with its nodes: left alone they would publish into the domain of a later test."""
-    command = [sys.executable, "-m", "weld_force_ros.cli", "up", "--folder", str(folder), "--speeds", "40,80"]
+    command = [
+        sys.executable,
+        "-m",
+        "weld_force_ros.cli",
+        "up",
+        "--folder",
+        str(folder),
+        "--speeds",
+        "40,80",
+        "--uncertainty-samples",
+        "0",
+    ]
     with subprocess.Popen([*command, "--positions", "2", *arguments], stderr=subprocess.PIPE, text=True) as process:
         try:
             yield process
