@@ -219,3 +219,15 @@ def test_chainage_of_the_record_is_that_of_the_weld() -> None:
     for name in ("chainage-plus.csv", "chainage-km.csv"):
         (found,) = parse_profiles(named(name).data, name, stated())
         assert found.profile.chainage_m == pytest.approx(12345.678, abs=1e-6)
+
+
+@pytest.mark.parametrize("by_column", [False, True])
+def test_welds_of_a_file_that_states_one_name_are_told_apart(by_column: bool) -> None:
+    head = "# weld_id: KM12\n# x_unit: mm\n# z_unit: um\n# z_positive: up\n# noise: none\n"
+    rows = [f"{mm},{-50.0 if abs(mm) < 50 else 0.0}" for mm in range(-150, 151, 5)]
+    if by_column:
+        text = head + "weld,x,z\n" + "".join(f"{weld},{row}\n" for weld in "AB" for row in rows)
+    else:
+        text = head + "x,z\n" + "\n".join([*rows, *rows]) + "\n"
+    names = [understood.profile.weld_id for understood in parse_profiles(text, "two.csv")]
+    assert names == (["A", "B"] if by_column else ["KM12-1", "KM12-2"])

@@ -14,6 +14,7 @@ import hashlib
 import itertools
 import os
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
@@ -189,7 +190,16 @@ def _welds(raw: bytes, source: str, stated: InstrumentFormat | None) -> list[Und
         except ProfileError as error:
             where = "" if len(tables) == 1 else f"weld {table.weld or count}: "
             raise ProfileError(f"{where}{error.reason}", error.remedy) from None
-    return found
+    return _told_apart(found)
+
+
+def _told_apart(welds: list[Understood]) -> list[Understood]:
+    """Number the welds of a file that have one name: they are no versions of each other."""
+    named = Counter(weld.profile.weld_id for weld in welds)
+    for count, weld in enumerate(welds, start=1):
+        if named[weld.profile.weld_id] > 1:
+            weld.profile.weld_id = f"{weld.profile.weld_id[:190]}-{count}"
+    return welds
 
 
 def _tables(
@@ -292,8 +302,9 @@ def _understood(
     if form.skip_rows:
         done.insert(0, f"first {form.skip_rows} lines skipped")
     _check_bounds(found.x_m, found.z_m, mended, header)
-    content: dict[str, Any] = {"weld_id": table.weld or name}
+    content: dict[str, Any] = {"weld_id": name}
     content |= {key: header[key].text for key in (*statements.TEXTS, "kind") if key in header}
+    content |= {"weld_id": table.weld} if table.weld else {}
     content |= {key: statements.stated_number(header[key], key) for key in statements.NUMBERS if key in header}
     if "chainage_m" not in content and abs(found.centre) > _CHAINAGE_FROM_M:
         content["chainage_m"] = round(float(found.centre), 6)
