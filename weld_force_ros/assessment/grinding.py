@@ -31,7 +31,6 @@ from weld_force_ros.messages import (
     Verdict,
     WeldProfile,
     config_sha256,
-    known,
     profile_sha256,
 )
 from weld_force_ros.physics.analysis.geometry import largest_gradient, straightedge_gap
@@ -257,7 +256,7 @@ class Adviser:
             relevant.speeds_kmh,
             relevant.positions_m,
             self._threads,
-            known(self._simulator.settings.contact_patch_m) or 0.0,
+            self._simulator.settings.patch_half_length_m,
         )
         excess = limits.excess((x, z), relevant.passages)
         limits.watch(excess)

@@ -65,13 +65,10 @@ def assess(
     rejections = [record.rejection for record in records if isinstance(record, RejectedRecord)]
     terminal.show_verdicts(verdicts, rejections)
     if report is not None:
-        from weld_force_ros.report.html_page import page
-        from weld_force_ros.report.table_row import row
-        from weld_force_ros.report.weld_detail import detail
+        from weld_force_ros.report.html_page import page_of_records
 
-        rows = [row(number, record) for number, record in enumerate(records, start=1)]
         with output_file(report) as file:
-            file.write(page(rows, [detail(record) for record in records], title="Rail welds", about="assessed files"))
+            file.write(page_of_records(records, about="assessed files"))
         terminal.say(f"written: {report}")
     if rejections:
         raise typer.Exit(2)

@@ -47,14 +47,14 @@ def as_json(understood: "Understood") -> dict[str, Any]:
     return {
         "source": profile.source,
         "weld_id": profile.weld_id,
-        "format": understood.form,
+        "format": known(profile.format),
         "samples": understood.samples,
         "spacing_m": round(understood.spacing_m, 9),
         "resolution_m": known(noise.resolution_m),
         "noise_m": noise.noise_m,
         "outliers": noise.outliers_m,
         "conditioning": profile.conditioning,
-        "problems": understood.problems,
+        "problems": [],  # of a file that can be used; why another cannot stands here
     }
 
 
@@ -64,7 +64,7 @@ def _show(understood: "Understood") -> None:
 
     profile, found = understood.profile, as_json(understood)
     rows = [
-        ("format", understood.form),
+        ("format", found["format"]),
         ("samples", f"{understood.samples}, usually {understood.spacing_m * 1e3:.4g} mm apart"),
         ("record", f"{profile.x_m[0] * 1e3:.4g} to {profile.x_m[-1] * 1e3:.4g} mm about the weld's centre"),
         ("heights", f"{min(profile.z_m) * 1e3:.3g} to {max(profile.z_m) * 1e3:.3g} mm, up positive"),
@@ -73,7 +73,6 @@ def _show(understood: "Understood") -> None:
          else "none: samples taken as they are"),
         ("wrong samples", f"{len(found['outliers'])} set aside" if found["outliers"] else "none"),
         *(("done", step) for step in profile.conditioning),
-        *(("PROBLEM", problem) for problem in understood.problems),
     ]  # fmt: skip
     terminal.table(f"{profile.source}: {profile.weld_id}", [("", ""), ("understood", "")], rows)
     width = min(terminal.console.width, 100)

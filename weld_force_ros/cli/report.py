@@ -24,10 +24,8 @@ def report(of: Of, out: Out, pdf: Pdf = None, limits: Limits = None, grinding: G
     """Write one self-contained page of welds: what to do with each and why; usable offline, on a phone and on paper."""
     from weld_force_ros.assessment.limits import load_limits
     from weld_force_ros.cli import terminal
-    from weld_force_ros.report.html_page import page
+    from weld_force_ros.report.html_page import page_of_records
     from weld_force_ros.report.pdf import print_pdf
-    from weld_force_ros.report.table_row import row
-    from weld_force_ros.report.weld_detail import detail
 
     if pdf is not None:
         _refuse_without_browser(pdf)
@@ -36,14 +34,10 @@ def report(of: Of, out: Out, pdf: Pdf = None, limits: Limits = None, grinding: G
         if grinding:
             task = bar.add_task("searching for the minimum grinding", total=len(entries))
             entries = _with_grinding(entries, lambda: bar.advance(task))
-        rows, details = [], []
-        for number, entry in enumerate(bar.track(entries, description="writing the page"), start=1):
-            rows.append(row(number, entry))
-            details.append(detail(entry))
-        html = page(rows, details, title="Rail welds", about=f"from {of.absolute().name}")
+        html = page_of_records(bar.track(entries, description="writing the page"), about=f"from {of.absolute().name}")
     with output_file(out) as file:
         file.write(html)
-    terminal.say(f"written: {out}, {len(rows)} welds, {len(html.encode()) / 1e6:.1f} MB")
+    terminal.say(f"written: {out}, {len(entries)} welds, {len(html.encode()) / 1e6:.1f} MB")
     if pdf is not None:
         with terminal.console.status("printing"):
             print_pdf(out, pdf)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any
 
@@ -33,15 +33,13 @@ class Geometry:
         centre: of the weld, where the record has it, in m.
         done: what was done to the samples, a line each.
         measured: fields of the message about the samples as measured.
-        problems: what is doubtful, a line each.
     """
 
     x_m: list[float]
     z_m: list[float]
     centre: Decimal
     done: list[str]
-    measured: dict[str, Any] = field(default_factory=dict)
-    problems: list[str] = field(default_factory=list)
+    measured: dict[str, Any]
 
 
 def _converted(header: Mapping[str, Stated]) -> str:

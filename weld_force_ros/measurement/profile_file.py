@@ -16,7 +16,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from importlib import resources
 from pathlib import Path
@@ -64,18 +64,14 @@ class Understood:
     """A measured weld and what was understood of its file.
 
     Attributes:
-        profile: of the weld.
-        form: name of the format.
+        profile: of the weld; it names the format.
         samples: number of samples as measured.
         spacing_m: usual distance of the samples.
-        problems: what is doubtful, a line each.
     """
 
     profile: WeldProfile
-    form: str
     samples: int
     spacing_m: float
-    problems: list[str] = field(default_factory=list)
 
 
 def read_profile(path: Path, form: InstrumentFormat | None = None) -> WeldProfile:
@@ -194,7 +190,7 @@ def _welds(raw: bytes, source: str, stated: InstrumentFormat | None) -> list[Und
 
 
 def _told_apart(welds: list[Understood]) -> list[Understood]:
-    """Number the welds of a file that have one name: they are no versions of each other."""
+    """Give numbers to the welds of a file that have one name: they are no versions of each other."""
     named = Counter(weld.profile.weld_id for weld in welds)
     for count, weld in enumerate(welds, start=1):
         if named[weld.profile.weld_id] > 1:
@@ -319,7 +315,7 @@ def _understood(
     if wrong := profile.problem():
         raise ProfileError(wrong, "correct the file")
     steps = [float(b.x - a.x) for a, b in itertools.pairwise(mended.samples)]
-    return Understood(profile, form.name, measured, float(np.median(steps)), found.problems)
+    return Understood(profile, measured, float(np.median(steps)))
 
 
 def _check_bounds(x_m: list[float], z_m: list[float], mended: Record, header: Mapping[str, Stated]) -> None:

@@ -9,7 +9,7 @@ import itertools
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from weld_force_ros.errors import ProfileError
@@ -155,9 +155,12 @@ def _is_cut_off(rows_at: Sequence[int], split: Split) -> bool:
         return False
     if len(rows[-1]) != len(rows[-2]):
         return len(rows[-1]) < len(rows[-2])
-    digits = {len(re.split("[.,]", row[-1])[-1]) if re.search("[.,]", row[-1]) else 0 for row in rows[:-1] if row[-1]}
-    last = rows[-1][-1]
-    return len(digits) == 1 and (len(re.split("[.,]", last)[-1]) if re.search("[.,]", last) else 0) < min(digits)
+    digits = {_decimals(row[-1]) for row in rows[:-1] if row[-1]}
+    return len(digits) == 1 and _decimals(rows[-1][-1]) < min(digits)
+
+
+def _decimals(text: str) -> int:
+    return len(re.split("[.,]", text)[-1]) if re.search("[.,]", text) else 0
 
 
 def _unquoted(text: str) -> str:
@@ -376,10 +379,4 @@ def _by_weld(table: SampleTable, heading: Heading | None, form: InstrumentFormat
     groups: dict[str, list[Row]] = {}
     for row in table.rows:
         groups.setdefault(row.fields[column], []).append(row)
-    return [
-        SampleTable(
-            table.statements, rows, table.x, table.z, table.x_unit, table.z_unit, table.z_positive, weld,
-            table.decimal_comma, [*table.notes], table.footer,
-        )
-        for weld, rows in groups.items()
-    ]  # fmt: skip
+    return [replace(table, rows=rows, weld=weld, notes=[*table.notes]) for weld, rows in groups.items()]

@@ -88,6 +88,11 @@ class SimulationSettings(Message, kw_only=True):
     ) = UNSET
     uncertainty: Uncertainty | UnsetType = UNSET
 
+    @property
+    def patch_half_length_m(self) -> float:
+        """Half length of the contact patch; 0 where the contact is a point."""
+        return 0.0 if isinstance(self.contact_patch_m, UnsetType) else self.contact_patch_m
+
     def problem(self) -> str | None:
         """Return why the grid cannot be computed, or that the hash is not the content's; else None."""
         if len(self.speeds_kmh) * len(self.positions_m) > MAX_CELLS:

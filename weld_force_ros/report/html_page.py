@@ -7,7 +7,7 @@ exactly two scripts, by their hashes: should a name ever become markup, it still
 import base64
 import gzip
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -16,6 +16,9 @@ from typing import Any
 import msgspec
 
 from weld_force_ros.errors import InputError
+from weld_force_ros.recording.weld_records import Record
+from weld_force_ros.report.table_row import row
+from weld_force_ros.report.weld_detail import detail
 
 _SCRIPTS = ("words.js", "source.js", "table.js", "charts.js", "weld.js", "main.js")
 
@@ -55,6 +58,23 @@ def page(
             {"number": r["n"], "packed": base64.b64encode(d).decode()} for r, d in zip(rows, details, strict=True)
         ],
     )
+
+
+def page_of_records(records: Iterable[Record], *, about: str) -> str:
+    """Return the page of welds and rejections as HTML.
+
+    Args:
+        records: in the order of their rows.
+        about: a line below the title, such as the source of the welds.
+
+    Raises:
+        InputError: plotly or jinja2 is not installed.
+    """
+    rows, details = [], []
+    for number, record in enumerate(records, start=1):
+        rows.append(row(number, record))
+        details.append(detail(record))
+    return page(rows, details, title="Rail welds", about=about)
 
 
 def self_contained(

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from typing import Any
 
 import plotext
 from msgspec import UnsetType
@@ -29,13 +30,7 @@ def curve_plot(force_map: ForceMap, verdict: Verdict, *, width: int, unicode: bo
     lines.update(("limit", c.limit / 1e3) for c in verdict.criteria if c.name == "peak_force")
     low, high = min(*peaks, *lines.values()), max(*peaks, *lines.values())
     room = 0.05 * (high - low or high)
-    plotext.terminal.limit(False, False)
-    figure = plotext.figure
-    figure.clear()
-    figure.theme("colorless")
-    figure.legend(False)
-    figure.plot_size(width, _HEIGHT)
-    figure.title("maximum contact force over all positions considered, kN over km/h")
+    figure = _empty_figure("maximum contact force over all positions considered, kN over km/h", width)
     for side in ("left", "right"):
         figure.ruler("y", side).lim(low - room, high + room)
     figure.ruler("y", "left").ticks(*_ticks(low, high))
@@ -44,8 +39,7 @@ def curve_plot(force_map: ForceMap, verdict: Verdict, *, width: int, unicode: bo
     for name, value in lines.items():
         figure.line(value, style="dotted" if name == "static" else "default")
     figure.draw(figure.signal(speeds, peaks, marker="braille" if unicode else "*").lines(True))
-    drawn = figure.build().string(colorless=True)
-    return "\n".join(line.rstrip() for line in (drawn if unicode else drawn.translate(_ASCII)).splitlines())
+    return _text_of(figure, unicode)
 
 
 def profile_plot(profile: WeldProfile, *, width: int, unicode: bool) -> str:
@@ -57,13 +51,7 @@ def profile_plot(profile: WeldProfile, *, width: int, unicode: bool) -> str:
         unicode: draw with more than ASCII characters.
     """
     x_mm, z_um = [1e3 * x for x in profile.x_m], [1e6 * z for z in profile.z_m]
-    plotext.terminal.limit(False, False)
-    figure = plotext.figure
-    figure.clear()
-    figure.theme("colorless")
-    figure.legend(False)
-    figure.plot_size(width, _HEIGHT)
-    figure.title("height of the rail in um over mm along it, the weld at 0")
+    figure = _empty_figure("height of the rail in um over mm along it, the weld at 0", width)
     figure.ruler("x").ticks(*_ticks(x_mm[0], x_mm[-1]))
     figure.ruler("y", "left").ticks(*_ticks(min(z_um), max(z_um)))
     figure.draw(figure.signal(x_mm, z_um, marker="braille" if unicode else "*").lines(True))
@@ -73,6 +61,21 @@ def profile_plot(profile: WeldProfile, *, width: int, unicode: bool) -> str:
         kept = [(1e3 * x, 1e6 * z) for x, z in samples if x not in outside]
         if len(kept) <= 4 * width:
             figure.draw(figure.signal([x for x, _ in kept], [z for _, z in kept], marker="·" if unicode else "."))
+    return _text_of(figure, unicode)
+
+
+def _empty_figure(title: str, width: int) -> Any:
+    plotext.terminal.limit(False, False)
+    figure = plotext.figure
+    figure.clear()
+    figure.theme("colorless")
+    figure.legend(False)
+    figure.plot_size(width, _HEIGHT)
+    figure.title(title)
+    return figure
+
+
+def _text_of(figure: Any, unicode: bool) -> str:
     drawn = figure.build().string(colorless=True)
     return "\n".join(line.rstrip() for line in (drawn if unicode else drawn.translate(_ASCII)).splitlines())
 

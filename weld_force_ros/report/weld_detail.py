@@ -182,7 +182,7 @@ def _profile(profile: WeldProfile, settings: SimulationSettings | None) -> dict[
     if settings is not None:
         wheel_x = np.linspace(x[0], x[-1], MOST_POINTS // 2)
         content["wheel_x_m"] = decimals(wheel_x, 5)
-        path = wheel_path_over(x, z, settings.wheel_radius_m, known(settings.contact_patch_m) or 0.0)
+        path = wheel_path_over(x, z, settings.wheel_radius_m, settings.patch_half_length_m)
         content["wheel_m"] = decimals(path.at(wheel_x), 7)
     if (deviation := standard_deviation(profile)) is not None:
         beyond = _NINETY_PERCENT * deviation[drawn]

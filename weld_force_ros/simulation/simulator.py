@@ -80,7 +80,7 @@ class Simulator:
         self._with_curves = curves and settings.engine == "common-poles"
         self._sampler: Sampler | None = None
         if isinstance(settings.uncertainty, Uncertainty):
-            patch_m = known(settings.contact_patch_m) or 0.0
+            patch_m = settings.patch_half_length_m
             self._sampler = Sampler(
                 definition, wheel, settings.uncertainty, patch_m=patch_m, on_fit=on_fit, threads=threads
             )
@@ -88,7 +88,7 @@ class Simulator:
     def wheel_path(self, profile: WeldProfile) -> WheelPath:
         """Return the path of the wheel's centre over a profile."""
         x_m, z_m, radius_m = np.array(profile.x_m), np.array(profile.z_m), self.vehicle_track.wheel.radius_m
-        return wheel_path_over(x_m, z_m, radius_m, known(self.settings.contact_patch_m) or 0.0)
+        return wheel_path_over(x_m, z_m, radius_m, self.settings.patch_half_length_m)
 
     def force_map(self, profile: WeldProfile, *, on_speed: Callable[[], None] = lambda: None) -> ForceMap:
         """Compute the forces at every speed and position of the settings.
