@@ -48,6 +48,14 @@ def test_simulation_needs_no_optional_package():
     assert found["peak_force_n"][0] > found["static_load_n"] == 100e3
 
 
+def test_a_force_map_is_computed_without_the_slow_parts_of_scipy():
+    needed = "assert not {'scipy.signal', 'scipy.stats'} & sys.modules.keys()"
+    simulated = SIMULATION.replace("found = assess(weld, simulator, load_limits())", "simulator.force_map(weld)")
+    program = BLOCKED + simulated.partition("print(")[0] + needed
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_command_line_needs_no_optional_package():
     command = "from weld_force_ros.cli.main import main; sys.argv = ['weld-force', '--help']; main()"
     done = subprocess.run([sys.executable, "-c", BLOCKED + command], capture_output=True, text=True, check=False)

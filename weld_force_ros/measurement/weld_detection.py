@@ -13,10 +13,10 @@ is given, the level is that of these metres.
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # loads its slow parts, such as signal, where they are first used
 from numpy.typing import ArrayLike
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import find_peaks
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.physics.arrays import FloatArray
@@ -35,7 +35,7 @@ _FOURTH_DIFFERENCE = (1.0, -4.0, 6.0, -4.0, 1.0)  # exactly zero for cubics, as 
 _TRUNCATED = 5.0  # standard deviations of the Gaussian
 SETTLED_M = APART_M + _TRUNCATED * float(_SIGMAS_M[-1]) + 3 * _GRID_M
 _LEAST_LEVEL_M = 1e-7  # of a rail made by hand without roughness; under what instruments resolve
-_MEDIAN_SIZE = float(norm.ppf(0.75))  # of a normal variable, in standard deviations
+_MEDIAN_SIZE = float(ndtri(0.75))  # of a normal variable, in standard deviations
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def detect(x_m: ArrayLike, z_m: ArrayLike) -> list[DetectedWeld]:
     # A grid that does not depend on where the stretch begins.
     grid = _GRID_M * np.arange(np.ceil(x[0] / _GRID_M - 1e-6), np.floor(x[-1] / _GRID_M + 1e-6) + 1)
     score = scores(grid, np.interp(grid, x, z))
-    peaks, _ = find_peaks(score, height=THRESHOLD, distance=round(APART_M / _GRID_M))
+    peaks, _ = scipy.signal.find_peaks(score, height=THRESHOLD, distance=round(APART_M / _GRID_M))
     return [DetectedWeld(_centre_m(grid, score, int(peak)), float(score[peak])) for peak in peaks]
 
 

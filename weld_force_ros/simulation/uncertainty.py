@@ -9,9 +9,10 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # loads its slow parts, such as stats, where they are first used
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
-from scipy.stats import norm, qmc
+from scipy.special import ndtri
 
 from weld_force_ros.messages import Uncertainty
 from weld_force_ros.physics.arrays import FloatArray
@@ -62,11 +63,11 @@ def _quasi_random(unknown: Uncertainty) -> Draws:
     generator = np.random.default_rng(unknown.seed)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # that the number of samples is no power of 2
-        sequence = qmc.Sobol(3, rng=generator).random(unknown.samples)
+        sequence = scipy.stats.qmc.Sobol(3, rng=generator).random(unknown.samples)
     evenly = (sequence.argsort(axis=0).argsort(axis=0) + 0.5) / unknown.samples
     return Draws(
-        np.asarray(np.exp(unknown.support_spread * norm.ppf(evenly[:, 0]))),
-        np.asarray(np.exp(unknown.hertz_spread * norm.ppf(evenly[:, 1]))),
+        np.asarray(np.exp(unknown.support_spread * ndtri(evenly[:, 0]))),
+        np.asarray(np.exp(unknown.hertz_spread * ndtri(evenly[:, 1]))),
         unknown.radius_low_m + (unknown.radius_high_m - unknown.radius_low_m) * evenly[:, 2],
         generator.integers(2**62, size=unknown.samples),
     )
@@ -97,5 +98,5 @@ def _standard_levels(count: int) -> FloatArray:
     """Return levels of equal probability with mean 0 and variance 1: medians of parts of the normal distribution."""
     if count == 1:
         return np.zeros(1)
-    middles = norm.ppf((np.arange(count) + 0.5) / count)
+    middles = ndtri((np.arange(count) + 0.5) / count)
     return np.asarray(middles / np.sqrt(np.mean(middles**2)))

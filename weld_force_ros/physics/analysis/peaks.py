@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # loads its slow parts, such as signal, where they are first used
 from numpy.typing import ArrayLike
-from scipy.signal import butter, find_peaks, sosfiltfilt
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.physics.arrays import FloatArray
@@ -55,7 +55,7 @@ def local_peaks(x_m: ArrayLike, force_n: ArrayLike, prominence_n: float) -> list
         prominence_n: height over the higher of the lowest points on either side that a peak needs.
     """
     x, force = np.asarray(x_m, dtype=np.float64), np.asarray(force_n, dtype=np.float64)
-    return [Peak(*vertex(x, force, index)) for index in find_peaks(force, prominence=prominence_n)[0]]
+    return [Peak(*vertex(x, force, index)) for index in scipy.signal.find_peaks(force, prominence=prominence_n)[0]]
 
 
 def p1_p2(time_s: ArrayLike, force_n: ArrayLike, arrival_s: float) -> ImpactForces:
@@ -82,13 +82,14 @@ def p1_p2(time_s: ArrayLike, force_n: ArrayLike, arrival_s: float) -> ImpactForc
         )
     early = np.flatnonzero((time >= arrival_s) & (time <= arrival_s + P1_WITHIN_S))
     largest_excess = force[early].max() - force[early[0]]
-    first = find_peaks(force[early], height=force[early[0]] + largest_excess / 2)[0]
+    first = scipy.signal.find_peaks(force[early], height=force[early[0]] + largest_excess / 2)[0]
     if len(first) == 0:
         raise InputError(
             f"no force peak within 5 ms of {arrival_s:g} s", "check where the wheel meets the irregularity"
         )
     p1_s, p1_n = vertex(time, force, int(early[first[0]]))
-    low = sosfiltfilt(butter(4, BETWEEN_RESONANCES_HZ, fs=1 / np.mean(np.diff(time)), output="sos"), force)
+    sections = scipy.signal.butter(4, BETWEEN_RESONANCES_HZ, fs=1 / np.mean(np.diff(time)), output="sos")
+    low = scipy.signal.sosfiltfilt(sections, force)
     late = np.flatnonzero((time >= p1_s) & (time <= arrival_s + P2_WITHIN_S))
     p2_s, p2_n = vertex(time[late], low[late], int(np.argmax(low[late])))
     return ImpactForces(p1_n, p1_s, p2_n, p2_s)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import scipy  # loads its slow parts, such as signal, where they are first used
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import find_peaks
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.physics.analysis.peaks import vertex
@@ -212,7 +212,7 @@ def _checked(speeds_kmh: ArrayLike, values: ArrayLike) -> tuple[FloatArray, Floa
 
 def _maxima(speeds: FloatArray, force: FloatArray, prominence_n: float) -> list[Extremum]:
     # A constant has no extremum, though a prominence of zero would find one.
-    found = find_peaks(force, prominence=prominence_n)[0] if prominence_n > 0 else []
+    found = scipy.signal.find_peaks(force, prominence=prominence_n)[0] if prominence_n > 0 else []
     return [Extremum(*vertex(speeds, force, int(index))) for index in found]
 
 

@@ -20,8 +20,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy  # loads its slow parts, such as signal, where they are first used
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.physics.passage.state_space import first_order_hold
@@ -112,17 +112,20 @@ def greatest(filters: LowPass, seen_n: FloatArray, ends: NDArray[np.int64], endi
 
 def low_passed(force_n: FloatArray, dt_s: float) -> FloatArray:
     """Return a force history (n,) that begins at rest, through each filter: (n_filter, n)."""
-    sections = [butter(ORDER, cutoff, fs=1 / dt_s, output="sos") for cutoff in CUTOFFS_HZ]
-    return np.stack([sosfilt(sos, force_n, zi=force_n[0] * sosfilt_zi(sos))[0] for sos in sections])
+    sections = [scipy.signal.butter(ORDER, cutoff, fs=1 / dt_s, output="sos") for cutoff in CUTOFFS_HZ]
+    return np.stack(
+        [scipy.signal.sosfilt(sos, force_n, zi=force_n[0] * scipy.signal.sosfilt_zi(sos))[0] for sos in sections]
+    )
 
 
 def _modes(cutoffs_hz: tuple[float, ...]) -> tuple[ComplexArray, ComplexArray]:
     """Return the poles in the upper half plane and their residues, each (n_filter, ORDER // 2)."""
+    circle = -np.exp(1j * np.pi * np.arange(1 - ORDER, ORDER, 2) / (2 * ORDER))
     poles, residues = np.empty((2, len(cutoffs_hz), ORDER // 2), dtype=np.complex128)
     for row, cutoff in enumerate(cutoffs_hz):
-        _, whole, gain = butter(ORDER, 2 * np.pi * cutoff, analog=True, output="zpk")
+        whole = 2 * np.pi * cutoff * circle
         poles[row] = whole[whole.imag > 0]
-        residues[row] = [gain / np.prod((pole - whole)[whole != pole]) for pole in poles[row]]
+        residues[row] = [(2 * np.pi * cutoff) ** ORDER / np.prod((pole - whole)[whole != pole]) for pole in poles[row]]
     return poles, residues
 
 
