@@ -11,7 +11,7 @@ from itertools import islice
 from msgspec.structs import replace
 
 from weld_force_ros.assessment.grinding import Adviser
-from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.measurement.profile_file import find, read_profile
 from weld_force_ros.measurement.shapes import REFERENCE_SHAPES
 from weld_force_ros.measurement.synthetic_welds import population

@@ -10,7 +10,7 @@ from typing import Any
 from playwright.sync_api import sync_playwright
 
 from weld_force_ros.assessment.judge import assess
-from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.measurement.profile_file import find, read_profile, shipped
 from weld_force_ros.recording.weld_records import WeldRecord
 from weld_force_ros.report import pdf

@@ -12,7 +12,7 @@ from msgspec.structs import replace as with_fields
 
 from benchmarks.timing import interleaved
 from weld_force_ros.assessment.judge import judge
-from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.measurement.profile_file import find, read_profile, shipped
 from weld_force_ros.messages import SimulationSettings, Uncertainty, UncertaintyResult, WeldProfile
 from weld_force_ros.physics.arrays import FloatArray

@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from weld_force_ros.assessment.judge import judge
-from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.measurement.profile_file import find, read_profile, shipped
 from weld_force_ros.simulation.settings import load_uncertainty, simulation_settings
 from weld_force_ros.simulation.simulator import Simulator

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from weld_force_ros.assessment.judge import Assessment as Assessment
     from weld_force_ros.assessment.judge import assess as assess
     from weld_force_ros.assessment.judge import judge as judge
-    from weld_force_ros.assessment.limits import load_limits as load_limits
+    from weld_force_ros.assessment.rule_books import load_limits as load_limits
     from weld_force_ros.errors import BagError as BagError
     from weld_force_ros.errors import DiskFullError as DiskFullError
     from weld_force_ros.errors import InputError as InputError
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 
 _NAMES_BY_MODULE = {
     "assessment.judge": ("Assessment", "assess", "judge"),
-    "assessment.limits": ("load_limits",),
+    "assessment.rule_books": ("load_limits",),
     "errors": (
         "BagError", "DiskFullError", "InputError", "MessageError", "NumericalError", "ProfileError", "TrackError",
         "WeldForceError",

@@ -11,9 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import UNSET
 
-from weld_force_ros.assessment.criteria import CRITERIA
 from weld_force_ros.assessment.judge import assess, deciding_history, judge
-from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement.shapes import cosine_dip
 from weld_force_ros.messages import (
@@ -224,7 +223,7 @@ def test_assessment_is_map_worst_history_and_verdict(simulator: Simulator, force
     assert (verdict.worst_speed_kmh, verdict.worst_position_m) == (SPEEDS[place // 3], POSITIONS[place % 3])
     assert (verdict.judged_speed_kmh, verdict.chainage_m, verdict.rail) == (90.0, 12.5, "left")
     assert verdict.limits_sha256 == limits.limits_sha256
-    assert [c.name for c in verdict.criteria] == list(CRITERIA)
+    assert [c.name for c in verdict.criteria] == [limit.name for limit in limits.limits]
     assert not any(c.verified for c in verdict.criteria)
     history = found.history
     assert (history.speed_kmh, history.position_m) == (verdict.worst_speed_kmh, verdict.worst_position_m)
@@ -254,7 +253,13 @@ def test_unknown_facts_stay_absent_in_the_verdict(force_map: ForceMap):
         ("- {name: colour, limit: 1, reject_limit: 2, unit: N, source: s}", "'colour' names no criterion"),
         ("- {name: peak_force, limit: 3, reject_limit: 2, unit: N, source: s}", "reject_limit is below limit"),
         ("- {name: peak_force, limit: .nan, reject_limit: 2, unit: N, source: s}", "limit"),
-        ("- {name: peak_force, limit: 1, unit: N, source: s}", "reject_limit"),
+        ("- {name: peak_force, limit: 1, unit: N}", "source is missing"),
+        ("- {name: peak_force, limit: 1, unit: N, source: {text: t}}", "source: .*kind"),
+        ("- {name: peak_force, limit: 1, unit: N, source: {text: t, kind: rumour}}", "source: .*rumour"),
+        ("- {name: peak_force, limit: 1, unit: N, source: s, verified: true}", "verified_by"),
+        ("- {name: peak_force, limit: 1, unit: N, source: s, verified_by: {by: me}}", "date"),
+        ("- {name: peak_force, limit: 1, unit: N, source: s, rule_book: mine}", "rule_book is unknown"),
+        ("{name: mine, limits: [], template: why}", "without numbers"),
         ("[]", "limits"),
         ("- &a [*a]", "anchors"),
         ("[" * 50_000, "nested"),
@@ -277,7 +282,10 @@ def test_missing_limits_file_is_refused(tmp_path: Path):
 
 def test_own_limits_decide(force_map: ForceMap, tmp_path: Path):
     path = tmp_path / "limits.yaml"
-    path.write_text("- {name: peak_force, limit: 1.0, reject_limit: 2.0, unit: N, source: ours, verified: true}\n")
+    path.write_text(
+        "- {name: peak_force, limit: 1.0, reject_limit: 2.0, unit: N, source: ours, "
+        "verified_by: {by: A. Name, date: 2026-11-28, document: our rules}}\n"
+    )
     verdict = judge(force_map, load_limits(path))
     assert verdict.decision == "reject"
     assert (verdict.criteria[0].source, verdict.criteria[0].verified) == ("ours", True)

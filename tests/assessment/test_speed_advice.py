@@ -5,7 +5,7 @@ import pytest
 from msgspec import UNSET
 
 from weld_force_ros.assessment.judge import judge
-from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.assessment.speed_advice import advise
 from weld_force_ros.measurement.synthetic_welds import SyntheticWeld, population
 from weld_force_ros.messages import AssessmentSettings, Limit, SpeedBand, WeldProfile, limits_sha256, profile_sha256

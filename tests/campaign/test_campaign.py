@@ -18,7 +18,7 @@ import pytest
 import xarray as xr
 
 from weld_force_ros.assessment.judge import judge
-from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.campaign import (
     batch_records,
     batch_task,

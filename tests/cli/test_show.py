@@ -13,8 +13,8 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from tests.harness.bags import record, rejection
+from tests.harness.limits import by_value
 from weld_force_ros.assessment.judge import judge
-from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.cli.main import main
 from weld_force_ros.messages import TOPICS, ForceMap, Message, SpeedCurve, Verdict, decode, encode
 
@@ -53,7 +53,7 @@ def force_map(weld_id: str = "KM12", peaks_kn: tuple[float, ...] = (110, 240, 15
 
 
 def recording(folder: Path, *maps: ForceMap, limits: bool = True) -> Path:
-    by = load_limits()
+    by = by_value()
     messages: list[Message] = [by] if limits else []
     for one in maps:
         messages += [one, judge(one, by)]

@@ -27,7 +27,7 @@ assert not {"numba", "numpy"} & sys.modules.keys(), "the root imports the scienc
 import json
 import numpy as np
 from weld_force_ros.assessment.judge import assess
-from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.messages import WeldProfile, encode, profile_sha256
 from weld_force_ros.simulation.settings import simulation_settings
 from weld_force_ros.simulation.simulator import Simulator

@@ -5,9 +5,9 @@ from functools import cache
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from tests.harness.limits import by_value
 from weld_force_ros import SOFTWARE
 from weld_force_ros.assessment.judge import assess
-from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.measurement.profile_file import find, read_profile
 from weld_force_ros.messages import (
     ForceMap,
@@ -52,7 +52,7 @@ def weld(name: str, scale: float = 1.0, line_speed_kmh: float | None = None, at_
         rail="left",
         chainage_m=12034.5,
     )
-    limits = load_limits()
+    limits = by_value()
     found = assess(profile, _simulator(), limits)
     return WeldRecord(found.verdict, found.force_map, profile, found.history, settings(), limits)
 

@@ -112,3 +112,27 @@ def test_unit_and_sign_are_never_guessed(key: str) -> None:
 def test_number_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(ProfileError, match="line 3: centre"):
         stated_number(Stated(text, "line 3: "), "centre")
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "meant"),
+    [
+        ("line_speed_kmh", "100 mph", "write 160.934, in km/h"),
+        ("line_speed_kmh", "44 m/s", "write 158.4, in km/h"),
+        ("weld_position_m", "30 cm", "write 0.3, in m"),
+        ("weld_position_m", "300mm", "write 0.3, in m"),
+        ("chainage_m", "12.345 km", "write 12345, in m"),
+    ],
+)
+def test_a_number_in_another_unit_is_refused_with_what_is_meant(key: str, text: str, meant: str) -> None:
+    with pytest.raises(ProfileError, match="is in another unit") as caught:
+        stated_number(Stated(text, "line 3: "), key)
+    assert caught.value.remedy == meant
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "number"),
+    [("line_speed_kmh", "160 km/h", 160.0), ("weld_position_m", "0.3 m", 0.3), ("chainage_m", "12+345", 12345.0)],
+)
+def test_a_number_may_carry_its_own_unit(key: str, text: str, number: float) -> None:
+    assert stated_number(Stated(text, ""), key) == number

@@ -5,7 +5,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from weld_force_ros.assessment.judge import judge
-from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.measurement.profile_file import shipped_profile
 from weld_force_ros.messages import TOPICS, Message, Rejection, encode, measurement_id, profile_sha256
 from weld_force_ros.recording import STRING, Recorder, string_cdr

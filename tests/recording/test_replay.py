@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from weld_force_ros.assessment.judge import assess
-from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.errors import BagError
 from weld_force_ros.measurement.profile_file import find, read_profile
 from weld_force_ros.messages import TOPICS, Message, encode

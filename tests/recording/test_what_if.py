@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
+from tests.harness.limits import by_value
 from weld_force_ros.assessment.judge import judge
-from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.cli.main import main
 from weld_force_ros.errors import InputError, NumericalError
 from weld_force_ros.measurement.profile_file import find, read_profile
@@ -37,7 +37,7 @@ def settings_of(**others: float) -> SimulationSettings:
 
 def assessed(profile: WeldProfile, settings: SimulationSettings) -> list[Message]:
     force_map = Simulator(settings).force_map(profile)
-    return [profile, force_map, judge(force_map, load_limits())]
+    return [profile, force_map, judge(force_map, by_value())]
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def weld() -> WeldProfile:
 @pytest.fixture(scope="module")
 def messages(weld) -> list[Message]:
     settings = settings_of()
-    return [settings, load_limits(), *assessed(weld, settings)]
+    return [settings, by_value(), *assessed(weld, settings)]
 
 
 def recorded(folder: Path, messages: list[Message]) -> Recording:
@@ -95,7 +95,7 @@ def test_fewer_speeds_leave_the_worst_of_those_that_remain(tmp_path, messages):
 def test_another_track_keeps_the_recorded_wheel_speeds_and_positions(tmp_path, weld):
     wheel = {"wheel_mass_kg": 700.0, "static_load_n": 80e3, "wheel_radius_m": 0.5, "hertz_n_per_m15": 9e10}
     settings = settings_of(**wheel)
-    bag = recorded(tmp_path, [settings, load_limits(), *assessed(weld, settings)])
+    bag = recorded(tmp_path, [settings, by_value(), *assessed(weld, settings)])
     (found,) = what_if(bag, read_change(track="johansson-nielsen"))
     *_, expected = assessed(weld, settings_of(track="johansson-nielsen", **wheel))
     assert found.computed == expected
@@ -185,7 +185,7 @@ def test_welds_of_the_same_geometry_keep_their_own_line_speed(tmp_path, messages
 
 def test_positions_of_a_longer_span_lie_in_the_next_one(tmp_path, weld):
     settings = simulation_settings(track="johansson-nielsen", speeds_kmh=[60.0], positions=[0.62])
-    bag = recorded(tmp_path, [settings, load_limits(), *assessed(weld, settings)])
+    bag = recorded(tmp_path, [settings, by_value(), *assessed(weld, settings)])
     (found,) = what_if(bag, read_change(track="bilbao"))
     wheel = {n: getattr(settings, n) for n in ("wheel_mass_kg", "static_load_n", "wheel_radius_m", "hertz_n_per_m15")}
     wrapped = simulation_settings(track="bilbao", speeds_kmh=[60.0], positions=[0.02], **wheel)
@@ -195,7 +195,7 @@ def test_positions_of_a_longer_span_lie_in_the_next_one(tmp_path, weld):
 
 def test_a_grid_grown_too_large_is_refused_before_anything_is_computed(tmp_path, weld):
     settings = simulation_settings(speeds_kmh=[60.0], positions=1000)
-    bag = recorded(tmp_path, [settings, load_limits(), weld])
+    bag = recorded(tmp_path, [settings, by_value(), weld])
     with pytest.raises(InputError, match="more than 200000 passages"):
         next(what_if(bag, read_change(speeds="20:320:1")))
 

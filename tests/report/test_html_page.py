@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.harness.limits import OF_1_3, by_value
 from tests.harness.reports import HOSTILE, ancient, entries, ground, hostile, undecided, unusable, weld
 from weld_force_ros.assessment.judge import assess
-from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.cli.main import main
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement.profile_file import find, read_profile
@@ -156,7 +156,7 @@ def test_plotly_is_packed_and_whole():
 @pytest.mark.slow
 def test_five_hundred_welds_of_the_full_grid_stay_within_budget():
     profile = read_profile(find("weld-4-steep-ramp"))
-    simulator, limits = Simulator(simulation_settings()), load_limits()
+    simulator, limits = Simulator(simulation_settings()), by_value()
     found = assess(profile, simulator, limits)
     full = WeldRecord(found.verdict, found.force_map, profile, found.history, simulator.settings, limits)
     assert len(base64.b64encode(detail(full))) < WELD_BYTES
@@ -176,7 +176,8 @@ def test_a_bag_becomes_a_page(capfd, tmp_path):
 def test_a_bag_is_judged_anew_with_limits_of_ones_own(capfd, tmp_path):
     limits, out = tmp_path / "limits.yaml", tmp_path / "report.html"
     limits.write_text(
-        "limits:\n- {name: peak_force, limit: 1.0, reject_limit: 2.0, unit: N, source: mine, verified: true}\n"
+        "limits:\n- {name: peak_force, limit: 1.0, reject_limit: 2.0, unit: N, source: mine, "
+        "verified_by: {by: A. Name, date: 2026-11-28, document: our rules}}\n"
     )
     assert run(capfd, "report", str(BAG), "-o", str(out), "--limits", str(limits))[0] == 0
     rows = json.loads(re.search(r'id="rows">(.*?)</script>', out.read_text()).group(1))
@@ -188,7 +189,7 @@ def test_force_maps_alone_become_a_page(capfd, tmp_path):
     maps, out = tmp_path / "maps.jsonl", tmp_path / "report.html"
     lines = [encode(e.force_map).decode() for e in (weld("weld-1-dip"), weld("wheel-flat-0.9mm"))]
     maps.write_text("\n".join(lines) + "\n\n")
-    assert run(capfd, "report", str(maps), "-o", str(out))[0] == 0
+    assert run(capfd, "report", str(maps), "-o", str(out), "--limits", str(OF_1_3))[0] == 0
     rows = json.loads(re.search(r'id="rows">(.*?)</script>', out.read_text()).group(1))
     assert [(r["weld"], r["decision"]) for r in rows] == [
         ("weld-1-dip", weld("weld-1-dip").verdict.decision),
@@ -202,7 +203,7 @@ def test_maps_without_verdict_are_judged_and_rejections_stand_last(tmp_path):
     recording.force_maps.append(found.force_map)
     recording.histories.append(found.history)
     recording.rejections.append(unusable().rejection)
-    judged, refused = weld_records.records_of_recording(recording, None, load_limits())
+    judged, refused = weld_records.records_of_recording(recording, None, by_value())
     assert judged.verdict.decision == found.verdict.decision
     assert judged.history is found.history
     assert refused == unusable()

@@ -12,8 +12,8 @@ import pytest
 from msgspec.structs import replace
 
 from tests.cli.test_show import force_map
+from tests.harness.limits import by_value
 from weld_force_ros.assessment.judge import judge
-from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import (
     ForceHistory,
@@ -31,7 +31,7 @@ from weld_force_ros.report.live_server import Server, _Http
 from weld_force_ros.report.weld_detail import detail
 
 PAGE = "<!doctype html><title>page</title>"
-LIMITS = load_limits()
+LIMITS = by_value()
 
 
 def settings() -> SimulationSettings:

@@ -179,7 +179,7 @@ class UnloadingSimulator(QuickSimulator):
 def test_history_is_of_the_passage_that_decided_by_the_limits_that_hold(
     domain_id: int, probe: Probe, folder: Path, tmp_path: Path
 ) -> None:
-    criterion = "- {{name: {}, limit: {}, reject_limit: 1.0e+6, unit: '{}', source: hand, verified: true}}\n"
+    criterion = "- {{name: {}, limit: {}, reject_limit: 1.0e+6, unit: '{}', source: hand}}\n"
     unloading, peak = tmp_path / "unloading.yaml", tmp_path / "peak.yaml"
     unloading.write_text(criterion.format("peak_force", 1e6, "N") + criterion.format("unloading", 0.1, "1"))
     peak.write_text(criterion.format("peak_force", 1e3, "N"))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from weld_force_ros.assessment import verdict
-from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.measurement.profile_file import find, read_profile, shipped
 from weld_force_ros.measurement.shapes import cosine_dip
 from weld_force_ros.measurement.synthetic_welds import population

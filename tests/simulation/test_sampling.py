@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from msgspec import UNSET
 
+from tests.harness.limits import by_value
 from weld_force_ros.assessment.judge import judge
-from weld_force_ros.assessment.limits import load_limits
 from weld_force_ros.assessment.probability import PLACE, RADIUS, REST
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement.profile_file import shipped_profile
 from weld_force_ros.measurement.shapes import cosine_dip
@@ -89,6 +90,10 @@ def test_verdict_carries_probabilities_that_count_samples():
     encode(verdict)
     assert verdict.samples == 40
     peak = next(c for c in verdict.criteria if c.name == "peak_force")
+    beyond = np.mean(np.array(force_map.spread.peak_force_n) > peak.limit)
+    assert peak.exceeding == pytest.approx(beyond, abs=0.15)  # the model's own uncertainty counts as well
+    by_count = judge(force_map, by_value())
+    peak = next(c for c in by_count.criteria if c.name == "peak_force")
     assert peak.exceeding == np.mean(np.array(force_map.spread.peak_force_n) > peak.limit)
     assert all(c.exceeding_reject <= c.exceeding for c in verdict.criteria)
 

@@ -26,7 +26,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
 from weld_force_ros.assessment.judge import assess
-from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.messages import (
     TOPICS,

@@ -40,7 +40,7 @@ from mcap.writer import CompressionType, Writer
 from msgspec import UNSET
 
 from weld_force_ros.assessment.judge import Assessment, assess, judge
-from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.errors import InputError, WeldForceError
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.measurement.instruments import InstrumentFormat

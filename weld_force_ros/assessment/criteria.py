@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from msgspec import UnsetType
 
-from weld_force_ros.messages import NormPoint, ProfileMeasures
+from weld_force_ros.messages import Limit, NormPoint, ProfileMeasures, UncertaintyResult
 from weld_force_ros.physics.analysis.geometry import NORM_MRAD
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.simulation.force_map_view import Passages
@@ -22,31 +22,71 @@ FORCE_CRITERIA: Mapping[str, Callable[[Passages], FloatArray | None]] = {
 """Value of each criterion in every passage. The maximum Hertz pressure grows with the cube root of the force (Johnson,
 Contact Mechanics, 1985, chapter 4), for any curvatures: the index is relative to the pressure under static load."""
 
+AT_REST = {
+    "dynamic_factor": 1.0, "hertz_pressure_index": 1.0, "unloading": 0.0, "contact_loss": 0.0,
+}  # fmt: skip
+"""Value of each criterion of a wheel at rest; of the others it is the static wheel load."""
+
 AT_THE_PEAK = ("peak_force", "dynamic_factor", "hertz_pressure_index")
 """Criteria whose place along the rail is that of the maximum force."""
 
-GEOMETRY_CRITERIA = ("quality_index", "straightedge")
+EDGE_CRITERIA: Mapping[str, Callable[[FloatArray, FloatArray], FloatArray]] = {
+    "straightedge_peak": lambda peak, dip: peak,
+    "straightedge_dip": lambda peak, dip: dip,
+    "straightedge_abs": np.maximum,
+}
+"""Value of each criterion from the readings, peak and dip, under the straightedge that a limit states."""
+
+GEOMETRY_CRITERIA = ("quality_index", "straightedge", *EDGE_CRITERIA, "inclination", "step")
 """Criteria of the profile itself."""
 
 CRITERIA = (*FORCE_CRITERIA, *GEOMETRY_CRITERIA)
 
+UNITS = {
+    "peak_force": "N", "p2_force": "N", "force_20hz": "N", "contact_loss": "s", "straightedge": "m",
+    "straightedge_peak": "m", "straightedge_dip": "m", "straightedge_abs": "m", "inclination": "rad", "step": "m",
+}  # fmt: skip
+"""Unit of each criterion's values; 1 where it has none."""
 
-def geometry_value(
-    name: str, measures: ProfileMeasures | UnsetType, line_kmh: float, norm: Sequence[NormPoint]
-) -> float | None:
-    """Return the value of a geometry criterion on a line of a speed; None if the profile was not measured for it.
+
+def geometry_values(
+    limit: Limit,
+    measured: ProfileMeasures | UncertaintyResult | UnsetType,
+    line_kmh: float,
+    norm: Sequence[NormPoint],
+) -> FloatArray | None:
+    """Return a geometry criterion on a line of a speed: () of a profile, (n_sample,) of samples; None if not measured.
+
+    A quality index without a base is relative to the line between the ends of the record, as in earlier versions.
 
     Args:
-        name: of `GEOMETRY_CRITERIA`.
-        measures: of the profile.
+        limit: whose criterion is one of `GEOMETRY_CRITERIA`.
+        measured: what was measured of the profile, or of each sample.
         line_kmh: the line's speed.
         norm: largest gradient by line speed; that of `weld_force_ros.physics.analysis.geometry.NORM_MRAD` if empty.
     """
-    if isinstance(measures, UnsetType):
+    if isinstance(measured, UnsetType):
         return None
-    if name == "straightedge":
-        return measures.straightedge_m
-    return measures.gradient_rad / gradient_norm_rad(line_kmh, norm)
+    if limit.name in EDGE_CRITERIA:
+        readings = _readings(measured).get(limit.base_m)
+        return None if readings is None else np.asarray(EDGE_CRITERIA[limit.name](*readings))
+    column = {"straightedge": measured.straightedge_m, "step": measured.step_m, "inclination": measured.inclination_rad}
+    if limit.name == "quality_index":
+        slope = measured.gradient_rad if isinstance(limit.base_m, UnsetType) else measured.inclination_rad
+        return None if isinstance(slope, UnsetType) else np.asarray(slope) / gradient_norm_rad(line_kmh, norm)
+    found = column[limit.name]
+    return None if isinstance(found, UnsetType) else np.asarray(found)
+
+
+def _readings(measured: ProfileMeasures | UncertaintyResult) -> dict[float | UnsetType, tuple[FloatArray, FloatArray]]:
+    """Return peak and dip under each straightedge by its length: () of a profile, (n_sample,) of samples."""
+    if isinstance(measured, ProfileMeasures):
+        return {edge.base_m: (np.asarray(edge.peak_m), np.asarray(edge.dip_m)) for edge in measured.edges}
+    shape = (len(measured.edge_base_m), -1)
+    peaks, dips = np.array(measured.edge_peak_m), np.array(measured.edge_dip_m)
+    if not len(peaks):
+        return {}
+    return dict(zip(measured.edge_base_m, zip(peaks.reshape(shape), dips.reshape(shape), strict=True), strict=True))
 
 
 def gradient_norm_rad(line_kmh: float, norm: Sequence[NormPoint]) -> float:

@@ -1,30 +1,34 @@
-"""Read limits and rules, and say which of them hold on a line of a speed."""
+"""Say which limits hold on a line of a speed, what they come to under a static load, and what is within them."""
 
 from collections.abc import Sequence
-from importlib import resources
-from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
-import msgspec
 import numpy as np
-from msgspec import UNSET, UnsetType
+from msgspec import UnsetType
 from numpy.typing import NDArray
 
-from weld_force_ros import _yaml
 from weld_force_ros.assessment.criteria import CRITERIA, FORCE_CRITERIA
-from weld_force_ros.errors import InputError, MessageError
-from weld_force_ros.messages import (
-    AssessmentSettings,
-    Criterion,
-    Limit,
-    NormPoint,
-    Rules,
-    encode,
-    legible,
-    limits_sha256,
-)
+from weld_force_ros.errors import InputError
+from weld_force_ros.messages import Criterion, Limit
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.simulation.force_map_view import Passages
+
+
+class Levels(NamedTuple):
+    """What a limit comes to: up to `limit` passes, beyond `reject_limit` rejects."""
+
+    limit: float
+    reject_limit: float
+
+
+def levels(limit: Limit, static_load_n: float) -> Levels:
+    """Return what a limit comes to under a static wheel load; infinite where nothing rejects."""
+    allowance = 0.0 if isinstance(limit.measurable, UnsetType) else limit.measurable
+    factor = static_load_n if limit.form == "times_static" else 1.0
+    added = allowance + (static_load_n if limit.form == "plus_static" else 0.0)
+    cap = np.inf if isinstance(limit.cap, UnsetType) else limit.cap
+    at_most, reject = (min(factor * one + added, cap) for one in (limit.limit, limit.reject_limit))
+    return Levels(float(at_most), float("inf") if limit.beyond == "grind" else float(reject))
 
 
 def applies(limit: Limit, line_kmh: float) -> bool:
@@ -33,9 +37,13 @@ def applies(limit: Limit, line_kmh: float) -> bool:
 
 
 def _in_force(limit: Limit, lines_kmh: FloatArray) -> NDArray[np.bool_]:
-    above = 0.0 if isinstance(limit.above_kmh, UnsetType) else limit.above_kmh
-    upto = np.inf if isinstance(limit.to_kmh, UnsetType) else limit.to_kmh
-    return np.asarray((above < lines_kmh) & (lines_kmh <= upto))
+    above, start, below, upto = (
+        default if isinstance(bound, UnsetType) else bound
+        for bound, default in (
+            (limit.above_kmh, 0.0), (limit.from_kmh, 0.0), (limit.below_kmh, np.inf), (limit.to_kmh, np.inf),
+        )
+    )  # fmt: skip
+    return np.asarray((above < lines_kmh) & (start <= lines_kmh) & (lines_kmh < below) & (lines_kmh <= upto))
 
 
 def decides(limit: Limit) -> bool:
@@ -55,7 +63,7 @@ def within_limits(speeds_kmh: FloatArray, worst: Passages, limits: Sequence[Limi
     for limit in limits:
         values = FORCE_CRITERIA[limit.name](worst) if decides(limit) and limit.name in FORCE_CRITERIA else None
         if values is not None:
-            within &= ~_in_force(limit, speeds_kmh) | (values <= limit.limit)
+            within &= ~_in_force(limit, speeds_kmh) | (values <= levels(limit, worst.static_load_n).limit)
     return within
 
 
@@ -64,52 +72,6 @@ def check(limits: Sequence[Limit]) -> None:
     for limit in limits:
         if limit.name not in CRITERIA:
             raise InputError(f"limit {limit.name!r} names no criterion", f"use {', '.join(CRITERIA)}")
-
-
-class _LimitsFile(msgspec.Struct, forbid_unknown_fields=True):
-    limits: list[dict[str, Any]]
-    rules: Rules | UnsetType = UNSET
-    gradient_norm: list[NormPoint] = []
-
-
-def load_limits(path: Path | None = None) -> AssessmentSettings:
-    """Read limits and rules from a YAML file of the form of `data/limits/default.yaml`, which is the default.
-
-    A bare list of limits will do: the worst position then counts, and any sampling is good enough.
-
-    Raises:
-        InputError: not readable, not of that form, or a limit for a criterion that does not exist.
-    """
-    source = str(path or "data/limits/default.yaml")
-    remedy = "write it after data/limits/default.yaml"
-    file = path or resources.files("weld_force_ros.data") / "limits" / "default.yaml"
-    try:
-        content = _yaml.decode(_yaml.read(file), object)
-        stated = msgspec.convert(content if isinstance(content, dict) else {"limits": content}, _LimitsFile)
-        limits = [_limit(row) for row in stated.limits]
-    except (OSError, msgspec.DecodeError, ValueError) as error:
-        raise InputError(f"limits {source}: {legible(str(error))}", remedy) from None
-    try:
-        check(limits)
-    except InputError as error:
-        raise InputError(f"limits {source}: {error.reason}", error.remedy) from None
-    settings = AssessmentSettings(
-        limits_sha256="0" * 64, limits=limits, rules=stated.rules, gradient_norm=stated.gradient_norm
-    )
-    settings.limits_sha256 = limits_sha256(settings)
-    try:
-        encode(settings)
-    except MessageError as error:
-        raise InputError(f"limits {source}: {error.reason}", remedy) from None
-    return settings
-
-
-def _limit(row: dict[str, Any]) -> Limit:
-    """Read a limit strictly: messages may hold fields of later versions, files no misspelt ones."""
-    unknown = row.keys() - set(Limit.__struct_fields__)
-    if unknown:
-        raise ValueError(f"limit {row.get('name', '')}: {', '.join(sorted(unknown))} is unknown")
-    return msgspec.convert(row, Limit)
 
 
 def ratio(criterion: Criterion) -> float:

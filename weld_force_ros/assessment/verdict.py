@@ -6,6 +6,8 @@ something that could be was not seen, because samples are too far apart or a cri
 """
 
 from collections.abc import Sequence
+from dataclasses import replace as replace_fields
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -13,16 +15,13 @@ from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from weld_force_ros.assessment.criteria import (
-    AT_THE_PEAK,
-    FORCE_CRITERIA,
-    GEOMETRY_CRITERIA,
-    geometry_value,
-    gradient_norm_rad,
-)
-from weld_force_ros.assessment.limits import applies, check, decides
+from weld_force_ros.assessment.coverage import uncomputed, unseen
+from weld_force_ros.assessment.criteria import AT_THE_PEAK, FORCE_CRITERIA, GEOMETRY_CRITERIA, geometry_values
+from weld_force_ros.assessment.decision import Judged, answer, measure_next, model_deviation, overall, widened
+from weld_force_ros.assessment.limits import Levels, applies, check, decides, levels, within_limits
 from weld_force_ros.assessment.probability import influences, interval
 from weld_force_ros.messages import (
+    Answer,
     Criterion,
     Decision,
     Limit,
@@ -30,6 +29,7 @@ from weld_force_ros.messages import (
     PositionOutcome,
     Rules,
     UncertaintyResult,
+    known,
 )
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.simulation.force_map_view import Passages, RelevantMap, index_of_largest
@@ -37,8 +37,7 @@ from weld_force_ros.simulation.force_map_view import Passages, RelevantMap, inde
 WORST_POSITION = Rules(unknown_position="worst")
 """The rules of recordings that state none."""
 
-_RESOLVED_BY_SAMPLES = 2  # a wave: the sampling theorem
-_COARSE_M, _FINE_M = 4.9e-5, 1e-5  # steps of heights: of the first, short waves come out up to 18 % off
+_STATE_LINE_SPEED = "state the line's speed: `--line-speed`, or `# line_speed_kmh:` in the file"
 _SEVERITY: tuple[Decision, ...] = ("accept", "grind", "reject")
 
 
@@ -55,6 +54,10 @@ class Evaluation(msgspec.Struct, frozen=True, kw_only=True):
     worst_position_m: float
     worst_x_m: float
     judged_speed_kmh: float
+    geometry: Answer | UnsetType = UNSET
+    force: Answer | UnsetType = UNSET
+    measure_next: str | UnsetType = UNSET
+    accepted_risk: float | UnsetType = UNSET
 
 
 def evaluate(
@@ -69,69 +72,98 @@ def evaluate(
         relevant: of one weld's map.
         limits: those that are for other line speeds are passed over.
         rules: how they become a decision.
-        gradient_norm: of the quality index, see `weld_force_ros.assessment.criteria.geometry_value`.
+        gradient_norm: of the quality index, see `weld_force_ros.assessment.criteria.geometry_values`.
 
     Raises:
         InputError: a limit for a criterion that does not exist.
     """
     check(limits)
-    criteria, unjudged = list[Criterion](), list[str]()
+    judged, unjudged = list[Judged](), list[Limit]()
     severity = np.zeros(len(relevant.positions_m), dtype=np.int64)
     for limit in limits:
         if not applies(limit, relevant.line_kmh):
             continue
-        values = _values(limit.name, relevant, gradient_norm)
+        values = _values(limit, relevant, gradient_norm)
         if values is None:
-            unjudged += [limit.name] if decides(limit) else []
+            unjudged += [limit] if decides(limit) else []
             continue
-        criterion = _criterion(limit, values, relevant)
-        spread = relevant.force_map.spread
-        if isinstance(spread, UncertaintyResult):
-            criterion = _with_probability(criterion, limit, spread, relevant, gradient_norm)
-        criteria.append(criterion)
+        one = _judged(limit, values, relevant, rules, gradient_norm)
+        judged.append(one)
         if decides(limit):
             at_positions = values.max(axis=0)
-            beyond = (at_positions > limit.limit) + (at_positions > limit.reject_limit).astype(np.int64)
+            beyond = (at_positions > one.levels.limit) + (at_positions > one.levels.reject_limit).astype(np.int64)
             severity = np.maximum(severity, beyond)
     row, column = relevant.peak_index
-    decision, doubts = _decide(severity, relevant, rules, unjudged)
+    found = _risky(judged, unjudged, relevant, limits, rules) if rules.accepted_risk else None
+    decision, doubts = found.outcome if found else _decide(severity, relevant, rules, [one.name for one in unjudged])
+    criteria = [one.criterion for one in judged]
     return Evaluation(
         decision=decision,
         reason="; ".join([*_findings(relevant, criteria), *doubts]),
         criteria=criteria,
-        unjudged=unjudged,
+        unjudged=[limit.name for limit in unjudged],
         by_position=[] if isinstance(relevant.force_map.weld_position_m, float) else _outcomes(relevant, severity),
         peak_force_n=float(relevant.passages.peak_force_n[row, column]),
         worst_speed_kmh=float(relevant.speeds_kmh[row]),
         worst_position_m=float(relevant.positions_m[column]),
         worst_x_m=float(relevant.peak_x_m[row, column]),
         judged_speed_kmh=float(relevant.speeds_kmh[-1]),
+        geometry=found.geometry if found else UNSET,
+        force=found.force if found else UNSET,
+        measure_next=found.measure_next or UNSET if found else UNSET,
+        accepted_risk=rules.accepted_risk,
     )
 
 
-def _values(name: str, relevant: RelevantMap, gradient_norm: Sequence[NormPoint]) -> FloatArray | None:
+def _values(limit: Limit, relevant: RelevantMap, gradient_norm: Sequence[NormPoint]) -> FloatArray | None:
     """Return a criterion's values, (n_speed, n_position) or of geometry (1, n_position); None if not computed."""
-    if name not in GEOMETRY_CRITERIA:
-        return FORCE_CRITERIA[name](relevant.passages)
-    value = geometry_value(name, relevant.force_map.measures, relevant.line_kmh, gradient_norm)
+    if limit.name not in GEOMETRY_CRITERIA:
+        return FORCE_CRITERIA[limit.name](relevant.passages)
+    value = geometry_values(limit, relevant.force_map.measures, relevant.line_kmh, gradient_norm)
     return None if value is None else np.full((1, len(relevant.positions_m)), value)
 
 
-def _criterion(limit: Limit, values: FloatArray, relevant: RelevantMap) -> Criterion:
+def _judged(
+    limit: Limit, values: FloatArray, relevant: RelevantMap, rules: Rules, gradient_norm: Sequence[NormPoint]
+) -> Judged:
+    """Hold a criterion's values against its limit; with samples, also the probability that it is exceeded."""
+    applied = levels(limit, relevant.passages.static_load_n)
+    criterion = _criterion(limit, applied, values, relevant)
+    spread = relevant.force_map.spread
+    sampled = _sampled(limit, spread, relevant, gradient_norm) if isinstance(spread, UncertaintyResult) else None
+    if not rules.accepted_risk:
+        no_deviation = np.zeros_like(values)
+        if sampled is not None and isinstance(spread, UncertaintyResult):
+            shares = (np.mean(sampled > applied.limit), np.mean(sampled > applied.reject_limit))
+            criterion = _with_probability(criterion, sampled, spread, *map(float, shares))
+        return Judged(limit, criterion, applied, values, no_deviation)
+    uncertain = values.max(axis=0, keepdims=True) if sampled is None else widened(sampled)
+    rows = [] if isinstance(rules.model_uncertainty, UnsetType) else rules.model_uncertainty
+    one = Judged(limit, criterion, applied, uncertain, model_deviation(limit.name, uncertain, relevant, rows))
+    exceeding, rejecting = float(one.exceeds().mean()), float(one.rejects().mean())
+    if sampled is not None and isinstance(spread, UncertaintyResult):
+        return replace_fields(one, criterion=_with_probability(criterion, sampled, spread, exceeding, rejecting))
+    return replace_fields(one, criterion=replace(criterion, exceeding=exceeding, exceeding_reject=rejecting))
+
+
+def _criterion(limit: Limit, applied: Levels, values: FloatArray, relevant: RelevantMap) -> Criterion:
     row, column = index_of_largest(values)
     value = float(values[row, column])
     criterion = Criterion(
         name=limit.name,
         value=value,
-        limit=limit.limit,
+        limit=applied.limit,
         unit=limit.unit,
-        passed=value <= limit.limit,
+        passed=value <= applied.limit,
         source=limit.source,
         verified=limit.verified,
-        reject_limit=limit.reject_limit,
-        margin=limit.limit - value,
+        reject_limit=applied.reject_limit if np.isfinite(applied.reject_limit) else UNSET,
+        margin=applied.limit - value,
         applies=limit.applies,
         decides=decides(limit),
+        base_m=limit.base_m,
+        rule_book=limit.rule_book,
+        source_kind=limit.source_kind,
     )
     if limit.name in GEOMETRY_CRITERIA:
         return criterion
@@ -144,39 +176,96 @@ def _criterion(limit: Limit, values: FloatArray, relevant: RelevantMap) -> Crite
 
 
 def _with_probability(
-    criterion: Criterion,
-    limit: Limit,
-    spread: UncertaintyResult,
-    relevant: RelevantMap,
-    gradient_norm: Sequence[NormPoint],
+    criterion: Criterion, sampled: FloatArray, spread: UncertaintyResult, exceeding: float, rejecting: float
 ) -> Criterion:
-    """Return the criterion with the share of samples beyond its limits, and what its value depends on most."""
-    values = _sampled(limit.name, spread, relevant, gradient_norm)
-    if values is None:
-        return criterion
-    shares, (low, high) = influences(values, spread), interval(values)
+    """Return the criterion with the probability of its limits being exceeded, and what its value depends on most."""
+    shares, (low, high) = influences(sampled, spread), interval(sampled)
     driver = max(shares, key=shares.__getitem__) if shares else None
     return replace(
         criterion,
         low=low,
         high=high,
-        exceeding=float(np.mean(values > limit.limit)),
-        exceeding_reject=float(np.mean(values > limit.reject_limit)),
+        exceeding=exceeding,
+        exceeding_reject=rejecting,
         driver=driver if driver is not None else UNSET,
         driver_share=shares[driver] if driver is not None else UNSET,
     )
 
 
 def _sampled(
-    name: str, spread: UncertaintyResult, relevant: RelevantMap, gradient_norm: Sequence[NormPoint]
+    limit: Limit, spread: UncertaintyResult, relevant: RelevantMap, gradient_norm: Sequence[NormPoint]
 ) -> FloatArray | None:
     """Return a criterion's value of every sample, (n_sample, n_position), or of geometry (n_sample, 1)."""
-    if name == "straightedge":
-        return np.array(spread.straightedge_m)[:, None]
-    if name == "quality_index":
-        return np.array(spread.gradient_rad)[:, None] / gradient_norm_rad(relevant.line_kmh, gradient_norm)
+    if limit.name in GEOMETRY_CRITERIA:
+        found = geometry_values(limit, spread, relevant.line_kmh, gradient_norm)
+        return None if found is None else found[:, None]
     shape = (len(spread.support_factor), len(spread.positions_m))
-    return FORCE_CRITERIA[name](Passages.of_message(spread, relevant.passages.static_load_n, shape))
+    return FORCE_CRITERIA[limit.name](Passages.of_message(spread, relevant.passages.static_load_n, shape))
+
+
+class _Risky(NamedTuple):
+    """The two answers, the decision they make, and what would decide an undecided one."""
+
+    geometry: Answer
+    force: Answer
+    measure_next: str | None
+
+    @property
+    def outcome(self) -> tuple[Decision, list[str]]:
+        """Decision, and each answer in a clause."""
+        answers = (("geometry", self.geometry), ("force", self.force))
+        return overall(self.geometry, self.force), [
+            f"{name} ({' and '.join(one.rule_books) or 'by standard'}): {one.decision}: {one.reason}"
+            for name, one in answers
+        ]
+
+
+def _risky(
+    judged: Sequence[Judged], unjudged: Sequence[Limit], relevant: RelevantMap, limits: Sequence[Limit], rules: Rules
+) -> _Risky:
+    """Return both answers at the accepted risk, and what would decide an undecided weld."""
+    risk = known(rules.accepted_risk)
+    assert risk is not None, "the caller has asked"  # noqa: S101
+    certain = isinstance(relevant.force_map.weld_position_m, float) or rules.unknown_position == "worst"
+    unmeasured = {
+        is_geometry: [_unmeasured(one, relevant) for one in unjudged if (one.name in GEOMETRY_CRITERIA) is is_geometry]
+        for is_geometry in (True, False)
+    }
+    doubts = {
+        True: [*unmeasured[True], *unseen(relevant, rules)],
+        False: [*unmeasured[False], *uncomputed(relevant, limits), *unseen(relevant, rules)],
+    }
+    geometry, force = (
+        answer(judged, doubts[is_geometry], risk, is_geometry=is_geometry, certain_places=certain)
+        for is_geometry in (True, False)
+    )
+    slower = _without_line_speed(force, limits, relevant)
+    if slower is not force:
+        return _Risky(geometry, slower, _STATE_LINE_SPEED)
+    undecided = {is_geometry for is_geometry, one in ((True, geometry), (False, force)) if one.decision == "undecided"}
+    for is_geometry in undecided:
+        if doubts[is_geometry]:
+            return _Risky(geometry, force, doubts[is_geometry][0])
+    open_ones = [one for one in judged if one.of_geometry in undecided]
+    return _Risky(geometry, force, measure_next(open_ones, relevant.force_map.spread, position_known=certain))
+
+
+def _unmeasured(limit: Limit, relevant: RelevantMap) -> str:
+    if isinstance(limit.base_m, float) and not isinstance(relevant.force_map.measures, UnsetType):
+        return f"the record is too short for {limit.name} on {limit.base_m:g} m: measure {limit.base_m:g} m or more"
+    return f"{limit.name} was not computed"
+
+
+def _without_line_speed(force: Answer, limits: Sequence[Limit], relevant: RelevantMap) -> Answer:
+    """Return the answer on forces that would be another on a slower line as undecided: up to where they hold."""
+    if isinstance(relevant.force_map.line_speed_kmh, float) or force.decision not in ("grind", "reject"):
+        return force
+    speeds, worst = relevant.worst_by_speed()
+    within = within_limits(speeds, worst.accumulated(), limits)
+    if not within[0]:
+        return force
+    holds = f"forces are within limits up to {speeds[int(np.argmin(within)) - 1]:g} km/h"
+    return replace(force, decision="undecided", reason=f"the line's speed is not stated: {holds}; {force.reason}")
 
 
 def _findings(relevant: RelevantMap, criteria: Sequence[Criterion]) -> tuple[str, str]:
@@ -209,29 +298,8 @@ def _decide(
     if unknown and rules.unknown_position == "undecided" and severity.min() != severity.max():
         where = _by_stretches(relevant.positions_m, severity)
         return "undecided", [f"{where}: measure the weld's distance from the sleeper before it"]
-    doubts = [*_unseen(relevant, rules), *(f"{name} was not computed" for name in unjudged)]
+    doubts = [*unseen(relevant, rules), *(f"{name} was not computed" for name in unjudged)]
     return ("undecided" if worst == "accept" and doubts else worst), doubts
-
-
-def _unseen(relevant: RelevantMap, rules: Rules) -> list[str]:
-    """Describe what samples too far apart, or heights in too large steps, do not show; nothing if all can be seen."""
-    measures, worst_speed_kmh = relevant.force_map.measures, float(relevant.speeds_kmh[relevant.peak_index[0]])
-    if isinstance(measures, UnsetType) or not rules.resolved_hz:
-        return []
-    if isinstance(measures.resolution_m, float) and measures.resolution_m >= _COARSE_M:
-        return [
-            f"heights in steps of {measures.resolution_m * 1e3:.2g} mm do not show what is lower: measure in steps of "
-            f"{_FINE_M * 1e3:g} mm"
-        ]
-    shortest_m = _RESOLVED_BY_SAMPLES * measures.spacing_m
-    resolved_hz = worst_speed_kmh / 3.6 / shortest_m
-    if resolved_hz >= rules.resolved_hz:
-        return []
-    needed_mm = 1e3 * worst_speed_kmh / 3.6 / rules.resolved_hz / _RESOLVED_BY_SAMPLES
-    return [
-        f"samples {measures.spacing_m * 1e3:.3g} mm apart do not show waves below {shortest_m * 1e3:.3g} mm, "
-        f"which act above {resolved_hz:.0f} Hz at {worst_speed_kmh:g} km/h: measure every {needed_mm:.2g} mm or closer"
-    ]
 
 
 def _by_stretches(positions_m: FloatArray, by_position: NDArray[np.int64]) -> str:

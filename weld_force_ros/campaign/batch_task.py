@@ -24,7 +24,7 @@ from weld_force_ros.campaign.campaign_file import NetworkSection
 from weld_force_ros.campaign.plan import Plan
 from weld_force_ros.campaign.profile_table import ProfileRow, RejectedRow
 from weld_force_ros.campaign.sources import WeldBatch
-from weld_force_ros.errors import InputError, NumericalError
+from weld_force_ros.errors import InputError, WeldForceError
 from weld_force_ros.messages import ForceMap, WeldProfile
 from weld_force_ros.simulation import fit_store, track_file
 from weld_force_ros.simulation.simulator import Simulator
@@ -114,7 +114,8 @@ class Assessor:
                 continue
             section = next((s for s in self.plan.sections if s.contains(row["line"], weld.chainage_m)), None)
             if section is None:
-                rejected.append(_rejected(row, weld, "it lies in no section of the campaign", "add a section"))
+                outside = InputError("it lies in no section of the campaign", "add a section")
+                rejected.append(_rejected(row, weld, outside))
             else:
                 placed[section.name].append((row, weld))
         assessed = [
@@ -133,35 +134,36 @@ class Assessor:
         force_maps = _force_maps(simulator, [weld for _, weld in placed])
         for (weld_row, weld), force_map in zip(placed, force_maps, strict=True):
             row = weld_row | {"vehicle": vehicle}
-            if isinstance(force_map, NumericalError):
-                yield _rejected(row, weld, str(force_map), "")
+            if isinstance(force_map, WeldForceError):
+                yield _rejected(row, weld, force_map)
                 continue
             try:
                 verdict = judge(force_map, limits)
             except InputError as error:
-                yield _rejected(row, weld, error.reason, error.remedy)
+                yield _rejected(row, weld, error)
                 continue
             row |= tables.verdict_row(weld, force_map, verdict)
             speeds = tables.speed_columns(force_map, limits)
             yield AssessedWeld(row["weld_number"], section.name, vehicle, row, speeds, force_map)
 
 
-def _rejected(row: dict[str, Any], weld: WeldProfile, reason: str, remedy: str) -> RejectedWeld:
+def _rejected(row: dict[str, Any], weld: WeldProfile, error: WeldForceError) -> RejectedWeld:
+    reason, remedy = (error.reason, error.remedy) if isinstance(error, InputError) else (str(error), "")
     return RejectedWeld(row | {"source": weld.source, "reason": reason, "remedy": remedy})
 
 
-def _force_maps(simulator: Simulator, welds: list[WeldProfile]) -> list[ForceMap | NumericalError]:
-    """Compute all maps at once; where a passage fails, one by one, so that the other welds have theirs."""
+def _force_maps(simulator: Simulator, welds: list[WeldProfile]) -> list[ForceMap | WeldForceError]:
+    """Compute all maps at once; where one cannot be, one by one, so that the other welds have theirs."""
     try:
         return [*simulator.force_maps(welds)]
-    except NumericalError:
+    except WeldForceError:
         return [_force_map(simulator, weld) for weld in welds]
 
 
-def _force_map(simulator: Simulator, weld: WeldProfile) -> ForceMap | NumericalError:
+def _force_map(simulator: Simulator, weld: WeldProfile) -> ForceMap | WeldForceError:
     try:
         return simulator.force_map(weld)
-    except NumericalError as error:
+    except WeldForceError as error:
         return error
 
 

@@ -7,7 +7,7 @@ import msgspec
 from msgspec import Meta, UnsetType
 
 from weld_force_ros import _yaml
-from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement.instruments import InstrumentFormat, format_of
 from weld_force_ros.messages import AssessmentSettings, Name, SimulationSettings, legible
@@ -138,7 +138,7 @@ def read(path: Path) -> Campaign:
         name=file.name,
         sources=file.sources,
         sections=[_section(section, file, folder, path) for section in sections],
-        limits=load_limits(folder / file.limits if file.limits else None),
+        limits=load_limits(file.limits, folder=folder),
         batch_welds=file.batch_welds,
         folder=folder,
         out=folder / (file.out or f"{path.stem}-results"),

@@ -17,7 +17,7 @@ from weld_force_ros.cli.options import (
     UncertaintyOptions,
     with_option_groups,
 )
-from weld_force_ros.errors import InputError
+from weld_force_ros.errors import InputError, WeldForceError
 
 if TYPE_CHECKING:
     from weld_force_ros.messages import Rejection
@@ -36,7 +36,7 @@ def assess(
 ) -> None:
     """Judge measured welds: what to do with each, and why; exit code 1 if a weld is not accepted."""
     from weld_force_ros.assessment import judge
-    from weld_force_ros.assessment.limits import load_limits
+    from weld_force_ros.assessment.rule_books import load_limits
     from weld_force_ros.cli import terminal
     from weld_force_ros.measurement.profile_file import find, read_profiles
     from weld_force_ros.recording.weld_records import RejectedRecord, WeldRecord
@@ -56,7 +56,13 @@ def assess(
                 records.append(RejectedRecord(rejection))
                 continue
             for weld in welds:
-                assessed = judge.assess(weld, simulator, applied)
+                try:
+                    assessed = judge.assess(weld, simulator, applied)
+                except WeldForceError as error:
+                    rejection = _rejection(name, error)
+                    json_output.write(out, rejection)
+                    records.append(RejectedRecord(rejection))
+                    continue
                 json_output.write(out, assessed.verdict)
                 records.append(
                     WeldRecord(assessed.verdict, assessed.force_map, weld, assessed.history, settings, applied)
@@ -76,7 +82,8 @@ def assess(
         raise typer.Exit(1)
 
 
-def _rejection(name: str, error: InputError) -> "Rejection":
+def _rejection(name: str, error: WeldForceError) -> "Rejection":
     from weld_force_ros.messages import Rejection
 
-    return Rejection(source=Path(name).name[-200:] or name[-200:], reason=error.reason, remedy=error.remedy)
+    reason, remedy = (error.reason, error.remedy) if isinstance(error, InputError) else (str(error), "")
+    return Rejection(source=Path(name).name[-200:] or name[-200:], reason=reason, remedy=remedy)

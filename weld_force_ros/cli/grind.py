@@ -1,7 +1,6 @@
 """Run `weld-force grind`: the minimum grinding that brings measured welds within their limits."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -74,10 +73,10 @@ def grind(
         raise typer.Exit(1)
 
 
-def _adviser(simulation: SimulationOptions, grinder: GrinderOptions, limits: Path | None) -> "Adviser":
+def _adviser(simulation: SimulationOptions, grinder: GrinderOptions, limits: str | None) -> "Adviser":
     from weld_force_ros.assessment.grinding import Adviser
     from weld_force_ros.assessment.grinding_search import Grinder
-    from weld_force_ros.assessment.limits import load_limits
+    from weld_force_ros.assessment.rule_books import load_limits
     from weld_force_ros.cli import terminal
 
     if not 0.01 <= grinder.band_limit_m <= 2.0:

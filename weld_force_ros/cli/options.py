@@ -21,7 +21,13 @@ if TYPE_CHECKING:
 
 Track = Annotated[str, typer.Option(help="A bundled track or the path of a track file (YAML).")]
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE|-", help="Write JSON lines to a file or stdout.")]
-Limits = Annotated[Path | None, typer.Option(help="Limits file (YAML; default: the bundled, unverified ones).")]
+Limits = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME|FILE[,...]",
+        help="Rule books to judge by, see `weld-force limits list`: force,banenor-531; default: force.",
+    ),
+]
 BagPath = Annotated[Path, typer.Argument(help="A bag folder or an .mcap file.")]
 Profiles = Annotated[list[str], typer.Argument(help="Profile files, or names of bundled profiles.")]
 Plot = Annotated[Path | None, typer.Option(help="Picture of each weld (several: a number is added).")]
@@ -140,6 +146,9 @@ class MeasurementOptions:
     )
     z_positive: Annotated[
         str | None, typer.Option(help="Where a file does not state it: up if a protrusion is positive, or down.")
+    ] = None
+    line_speed_kmh: Annotated[
+        float | None, typer.Option("--line-speed", help="Line speed that files do not state, km/h.")
     ] = None
     spacing: Annotated[float | None, typer.Option(help="For files with heights only: sample spacing in --x-unit.")] = (
         None

@@ -31,7 +31,9 @@ class Change:
     track: Annotated[str | None, typer.Option(help="Another track; the wheel stays.")] = None
     speeds: Annotated[str | None, typer.Option(help="Other speeds, as in simulate.")] = None
     engine: Annotated[str | None, typer.Option(help="Another engine.")] = None
-    limits: Annotated[Path | None, typer.Option(help="Another limits file.")] = None
+    limits: Annotated[
+        str | None, typer.Option(metavar="NAME|FILE[,...]", help="Other rule books, or files of limits.")
+    ] = None
 
 
 @dataclass(frozen=True)

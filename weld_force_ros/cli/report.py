@@ -22,7 +22,7 @@ Grinding = Annotated[bool, typer.Option("--grinding", help="Search for the minim
 
 def report(of: Of, out: Out, pdf: Pdf = None, limits: Limits = None, grinding: Grinding = False) -> None:
     """Write one self-contained page of welds: what to do with each and why; usable offline, on a phone and on paper."""
-    from weld_force_ros.assessment.limits import load_limits
+    from weld_force_ros.assessment.rule_books import load_limits
     from weld_force_ros.cli import terminal
     from weld_force_ros.report.html_page import page_of_records
     from weld_force_ros.report.pdf import print_pdf
@@ -45,7 +45,7 @@ def report(of: Of, out: Out, pdf: Pdf = None, limits: Limits = None, grinding: G
 
 
 def _entries(of: Path, limits: "AssessmentSettings | None") -> "list[Record]":
-    from weld_force_ros.assessment.limits import load_limits
+    from weld_force_ros.assessment.rule_books import load_limits
     from weld_force_ros.cli import terminal
     from weld_force_ros.recording import weld_records
     from weld_force_ros.recording.recording import open_recording

@@ -53,7 +53,7 @@ def show(bag: BagPath, weld: Named = None, restrict: Restrict = None, json: Json
 
 
 def _read(bag: Path) -> "list[Record]":
-    from weld_force_ros.assessment.limits import load_limits
+    from weld_force_ros.assessment.rule_books import load_limits
     from weld_force_ros.cli import terminal
     from weld_force_ros.recording.recording import open_recording
     from weld_force_ros.recording.weld_records import records_of_recording

@@ -132,12 +132,30 @@ def stated_number(statement: Stated, key: str) -> float:
     """Return a statement's value as a number.
 
     Raises:
-        ProfileError: not a finite number.
+        ProfileError: not a finite number, one in another unit, or one that only another unit makes sense of.
     """
-    value = float(number(statement.text, statement.where + key))
+    text, units = statement.text, _UNITS.get(key, {})
+    found = re.fullmatch(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s*([a-zA-Z/]+)", text.strip())
+    factor = units.get(found[2].casefold()) if found else None
+    if found and factor is not None:
+        text = found[1]
+    value = float(number(text, statement.where + key))
     if not math.isfinite(value):
         raise ProfileError(f"{statement.where}{key} {quoted(statement.text)} is too large", "correct this statement")
+    if factor not in (None, 1.0):
+        meant, unit = value * float(factor or 1.0), next(unit for unit, one in units.items() if one == 1.0)
+        raise ProfileError(
+            f"{statement.where}{key} {quoted(statement.text)} is in another unit", f"write {meant:.6g}, in {unit}"
+        )
     return value
+
+
+_UNITS: dict[str, dict[str, float]] = {
+    "line_speed_kmh": {"km/h": 1.0, "kmh": 1.0, "kph": 1.0, "mph": 1.609344, "m/s": 3.6},
+    "weld_position_m": {"m": 1.0, "cm": 0.01, "mm": 0.001},
+    "chainage_m": {"m": 1.0, "km": 1000.0},
+}
+"""Units that a number may be written with, as what they come to in the key's own."""
 
 
 def _value(key: str, statement: Statement, is_exact: bool) -> str | None:

@@ -1,6 +1,6 @@
 """Declare limits, rules, the verdict and the grinding advice."""
 
-from typing import Annotated
+from typing import Annotated, Literal, TypeAlias
 
 import msgspec
 from msgspec import UNSET, Meta, UnsetType
@@ -30,11 +30,26 @@ from weld_force_ros.messages.fields import (
     wrong_length,
 )
 
+SourceKind: TypeAlias = Literal["standard", "quotation", "vendor", "judgement"]
+"""A number's authority: the text in force, a publication that quotes it, a maker's, nobody's but its author's."""
+
 
 class Limit(msgspec.Struct, kw_only=True, frozen=True):
     """A criterion's limits: up to `limit` passes, up to `reject_limit` asks for grinding, beyond it rejects.
 
-    One with `above_kmh` or `to_kmh` holds for lines of those speeds: above the one, up to the other.
+    One with speeds holds for lines of those speeds: above `above_kmh`, from `from_kmh` on, below `below_kmh`, up to
+    `to_kmh`.
+
+    Attributes:
+        beyond: `grind`: nothing beyond the limits rejects.
+        form: `times_static`: the numbers are multiples of the static wheel load; `plus_static`: they are added to it.
+        cap: in the criterion's unit: the limits are no higher, whatever the form gives.
+        base_m: length of the straightedge or chord that the criterion is measured on.
+        measurable: the least that the rule book's own means show, in the criterion's unit: with a feeler gauge, "no
+            dip" is none that its thinnest leaf finds. Added to the limit.
+        rule_book: name of the set of limits that this one is of.
+        source_kind: what kind of text the source is.
+        verified_by: who checked the number where that was the user, when, and against which document.
     """
 
     name: Name
@@ -50,6 +65,40 @@ class Limit(msgspec.Struct, kw_only=True, frozen=True):
     ) = UNSET
     above_kmh: Annotated[float, Meta(description="km/h", ge=0.0)] | UnsetType = UNSET
     to_kmh: Annotated[float, Meta(description="km/h", ge=0.0)] | UnsetType = UNSET
+    from_kmh: Annotated[float, Meta(description="km/h", ge=0.0)] | UnsetType = UNSET
+    below_kmh: Annotated[float, Meta(description="km/h", ge=0.0)] | UnsetType = UNSET
+    beyond: Annotated[Literal["grind"], Meta(extra_json_schema={"type": "string"})] | UnsetType = UNSET
+    form: Annotated[Literal["times_static", "plus_static"], Meta(extra_json_schema={"type": "string"})] | UnsetType = (
+        UNSET
+    )
+    cap: float | UnsetType = UNSET
+    base_m: Annotated[float, Meta(description="m", gt=0.0)] | UnsetType = UNSET
+    measurable: Annotated[float, Meta(ge=0.0)] | UnsetType = UNSET
+    rule_book: Name | UnsetType = UNSET
+    source_kind: Annotated[SourceKind, Meta(extra_json_schema={"type": "string"})] | UnsetType = UNSET
+    verified_by: Text | UnsetType = UNSET
+
+
+class ModelUncertainty(msgspec.Struct, kw_only=True, frozen=True):
+    """How far forces may be off the truth beyond the error of the fit, by length of the defect and kind of track.
+
+    Attributes:
+        share: standard deviation, as a share of the force's dynamic part.
+        from_length_m: of irregularities from that length on.
+        from_pad_n_per_m: on pads from that stiffness on. Of the rows that fit, the last counts.
+    """
+
+    share: Annotated[float, Meta(ge=0.0, le=2.0)]
+    from_length_m: Annotated[float, Meta(description="m", ge=0.0)] = 0.0
+    from_pad_n_per_m: Annotated[float, Meta(description="N/m", ge=0.0)] = 0.0
+
+
+class RuleBook(msgspec.Struct, kw_only=True, frozen=True):
+    """A set of limits under one name."""
+
+    name: Name
+    title: Text
+    state: Text = ""
 
 
 class Rules(msgspec.Struct, kw_only=True, frozen=True):
@@ -61,12 +110,17 @@ class Rules(msgspec.Struct, kw_only=True, frozen=True):
         resolved_hz: what passes is undecided if samples are so far apart that at the worst speed they do not show waves
             up to this frequency; 0: any sampling will do.
         source: where these rules come from.
+        accepted_risk: a weld is accepted if the probability that it exceeds a limit is at most that, and refused if it
+            is at least one minus that; without it, values are compared with limits and probabilities only shown.
+        model_uncertainty: of forces; counts in probabilities.
     """
 
     unknown_position: UnknownPosition = "undecided"
     resolved_hz: Annotated[float, Meta(description="Hz", ge=0.0)] = 0.0
     source: Text = ""
     verified: bool = False
+    accepted_risk: Annotated[float, Meta(gt=0.0, lt=0.5)] | UnsetType = UNSET
+    model_uncertainty: Annotated[list[ModelUncertainty], Meta(max_length=100)] | UnsetType = UNSET
 
 
 class NormPoint(msgspec.Struct, kw_only=True, frozen=True):
@@ -83,6 +137,7 @@ class AssessmentSettings(Message, kw_only=True):
     limits: Annotated[list[Limit], Meta(min_length=1, max_length=100)]
     rules: Rules | UnsetType = UNSET
     gradient_norm: Annotated[list[NormPoint], Meta(max_length=100)] = []
+    rule_books: Annotated[list[RuleBook], Meta(max_length=50)] | UnsetType = UNSET
 
     def problem(self) -> str | None:
         """Return why a limit cannot be applied, or that the hash is not the content's; else None."""
@@ -125,6 +180,36 @@ class Criterion(msgspec.Struct, kw_only=True, frozen=True):
     exceeding_reject: Annotated[float, Meta(ge=0.0, le=1.0)] | UnsetType = UNSET
     driver: Annotated[str, Meta(max_length=200)] | UnsetType = UNSET
     driver_share: Annotated[float, Meta(ge=0.0, le=1.0)] | UnsetType = UNSET
+    base_m: Annotated[float, Meta(description="m", gt=0.0)] | UnsetType = UNSET
+    rule_book: Name | UnsetType = UNSET
+    source_kind: Annotated[SourceKind, Meta(extra_json_schema={"type": "string"})] | UnsetType = UNSET
+
+
+AnswerDecision: TypeAlias = Literal["accept", "grind", "reject", "undecided", "not assessed"]
+
+
+class Answer(msgspec.Struct, kw_only=True, frozen=True):
+    """The answer to one of the two questions about a weld: its geometry by standard, its forces by model.
+
+    Attributes:
+        decision: `not assessed` where no limit of the kind was chosen.
+        reason: in a sentence.
+        rule_books: whose limits were applied.
+        criterion: the one nearest to its limit or farthest beyond it.
+        margin: of it, as a share of its limit; negative beyond it, absent for a limit of zero.
+        exceeding: probability that a limit of the kind is exceeded.
+        source: where that criterion's limit comes from.
+        verified: whether its number stands in a text that was read.
+    """
+
+    decision: Annotated[AnswerDecision, Meta(extra_json_schema={"type": "string"})]
+    reason: Text
+    rule_books: Annotated[list[Name], Meta(max_length=50)] = []
+    criterion: Name | UnsetType = UNSET
+    margin: float | UnsetType = UNSET
+    exceeding: Annotated[float, Meta(ge=0.0, le=1.0)] | UnsetType = UNSET
+    source: Text = ""
+    verified: bool = False
 
 
 class PositionOutcome(msgspec.Struct, kw_only=True, frozen=True):
@@ -177,6 +262,10 @@ class Verdict(Message, kw_only=True):
         restrictions: falling, from the highest speed judged.
         advice: in words, the most useful first.
         advice_step_kmh: how finely speeds were looked at.
+        geometry: what the rule books chosen say about the profile.
+        force: what the simulation says; the decision is `accept` only where both are.
+        measure_next: the one measurement that would decide an undecided weld most cheaply.
+        accepted_risk: that the decision was made with.
     """
 
     weld_id: Name
@@ -208,6 +297,10 @@ class Verdict(Message, kw_only=True):
     advice: Annotated[list[Text], Meta(max_length=100)] = []
     advice_step_kmh: Annotated[float, Meta(description="km/h", gt=0.0)] | UnsetType = UNSET
     samples: Annotated[int, Meta(description="of the unknown, that probabilities are from", ge=0)] = 0
+    geometry: Answer | UnsetType = UNSET
+    force: Answer | UnsetType = UNSET
+    measure_next: Text | UnsetType = UNSET
+    accepted_risk: Annotated[float, Meta(gt=0.0, lt=0.5)] | UnsetType = UNSET
 
 
 class GrindingAdvice(Message, kw_only=True):

@@ -102,6 +102,14 @@ class WeldProfile(Message, kw_only=True):
         return f"measured: {problem}" if problem else None
 
 
+class EdgeReading(msgspec.Struct, kw_only=True, frozen=True):
+    """Readings under a straightedge of a length that is laid over the weld, both positive."""
+
+    base_m: Annotated[float, Meta(description="m, length of the straightedge", gt=0.0)]
+    peak_m: Annotated[float, Meta(description="m, highest place above the line between the edge's ends", ge=0.0)]
+    dip_m: Annotated[float, Meta(description="m, lowest place below it", ge=0.0)]
+
+
 class ProfileMeasures(msgspec.Struct, kw_only=True, frozen=True):
     """Measures of a profile's geometry by itself."""
 
@@ -113,6 +121,19 @@ class ProfileMeasures(msgspec.Struct, kw_only=True, frozen=True):
         float, Meta(description="m, largest distance between the rail and a straightedge of 1 m on it", ge=0.0)
     ]
     spacing_m: Annotated[float, Meta(description="m, largest distance of samples", gt=0.0)]
+    edges: Annotated[
+        list[EdgeReading], Meta(max_length=20, description="of every straightedge that the record is long enough for")
+    ] = []
+    inclination_rad: (
+        Annotated[float, Meta(description="rad, largest inclination over 25 mm relative to the chord of 1 m", ge=0.0)]
+        | UnsetType
+    ) = UNSET
+    length_m: (
+        Annotated[float, Meta(description="m, of the irregularity: twice its width at half height", ge=0.0)] | UnsetType
+    ) = UNSET
+    step_m: Annotated[float, Meta(description="m, largest difference of heights within 10 mm", ge=0.0)] | UnsetType = (
+        UNSET
+    )
     noise_m: Annotated[float, Meta(description="m, standard deviation of the noise", ge=0.0)] | UnsetType = UNSET
     resolution_m: (
         Annotated[float, Meta(description="m, the step in which heights were written", gt=0.0)] | UnsetType

@@ -124,7 +124,7 @@ class UncertaintyResult(msgspec.Struct, kw_only=True):
     """Results of Monte-Carlo samples: the worst over speeds up to the line's, row-major (sample, position).
 
     `positions_m` are those that count; the inputs of each sample stand beside: factors on the nominal value, and the
-    wheel's radius.
+    wheel's radius. Readings under straightedges, as `EdgeReading`, are row-major (straightedge, sample).
     """
 
     positions_m: PositionAxis
@@ -138,6 +138,11 @@ class UncertaintyResult(msgspec.Struct, kw_only=True):
     support_factor: Cells
     hertz_factor: Cells
     wheel_radius_m: Cells
+    edge_base_m: Annotated[list[Annotated[float, Meta(description="m", gt=0.0)]], Meta(max_length=20)] = []
+    edge_peak_m: list[Metres] = []
+    edge_dip_m: list[Metres] = []
+    inclination_rad: Cells | UnsetType = UNSET
+    step_m: Cells | UnsetType = UNSET
 
 
 class ForceMap(Message, kw_only=True):
@@ -172,6 +177,7 @@ class ForceMap(Message, kw_only=True):
         ]
         | UnsetType
     ) = UNSET
+    pad_n_per_m: Annotated[float, Meta(description="N/m, stiffness of the track's pads", gt=0.0)] | UnsetType = UNSET
     elapsed_s: Seconds
     p2_force_n: (
         Annotated[Cells, Meta(description="N, largest force below 120 Hz (causal Butterworth low pass, 4th order)")]
@@ -208,11 +214,17 @@ class ForceMap(Message, kw_only=True):
     def _spread_problem(self) -> str | None:
         if not isinstance(self.spread, UncertaintyResult):
             return None
-        samples = ("gradient_rad", "straightedge_m", "support_factor", "hertz_factor", "wheel_radius_m")
-        cells = [name for name in self.spread.__struct_fields__ if name not in (*samples, "positions_m")]
-        count = len(self.spread.support_factor)
-        return wrong_length(self.spread, samples, count, "spread: ") or wrong_length(
-            self.spread, cells, count * len(self.spread.positions_m), "spread: "
+        samples = (
+            "gradient_rad", "straightedge_m", "support_factor", "hertz_factor", "wheel_radius_m", "inclination_rad",
+            "step_m",
+        )  # fmt: skip
+        others = (*samples, "positions_m", "edge_base_m", "edge_peak_m", "edge_dip_m")
+        cells = [name for name in self.spread.__struct_fields__ if name not in others]
+        count, edges = len(self.spread.support_factor), len(self.spread.edge_base_m)
+        return (
+            wrong_length(self.spread, samples, count, "spread: ")
+            or wrong_length(self.spread, cells, count * len(self.spread.positions_m), "spread: ")
+            or wrong_length(self.spread, ("edge_peak_m", "edge_dip_m"), count * edges, "spread: ")
         )
 
 

@@ -2,12 +2,11 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import cast
 
 from msgspec.structs import replace
 
-from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.errors import InputError, MessageError, WeldForceError
 from weld_force_ros.messages import (
     AssessmentSettings,
@@ -93,7 +92,7 @@ class NotComputed:
 
 
 def read_change(
-    *, track: str | None = None, speeds: str | None = None, engine: str | None = None, limits: Path | None = None
+    *, track: str | None = None, speeds: str | None = None, engine: str | None = None, limits: str | None = None
 ) -> Change:
     """Return the change that a command line states.
 
@@ -101,7 +100,7 @@ def read_change(
         track: a shipped track's name or the path of a track file.
         speeds: FIRST:LAST:STEP or a list, km/h.
         engine: how the track is represented in time.
-        limits: a limits file.
+        limits: rule books, as `weld_force_ros.assessment.rule_books.load_limits` takes them.
 
     Raises:
         InputError: nothing is given, or something that cannot be used.

@@ -98,7 +98,12 @@ PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
     ),
     "assessment_node": (
         _AUTOSTART,
-        NodeParameter("limits", "", "file of limits (YAML); empty: the bundled ones", live=True),
+        NodeParameter(
+            "limits",
+            "",
+            "rule books, names or files with commas between them; empty: force",
+            live=True,
+        ),
         NodeParameter("bag", "", "folder to record to; a recording there is continued; empty: no recording"),
         NodeParameter("split_mb", 256.0, "MB after which a new file of the bag is begun", 1.0, 1e6),
         NodeParameter("split_minutes", 60.0, "minutes after which a new file of the bag is begun", 0.1, 1e5),

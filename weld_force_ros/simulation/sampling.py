@@ -2,14 +2,12 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
 from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
 from weld_force_ros.messages import Uncertainty, UncertaintyResult
-from weld_force_ros.physics.analysis.geometry import largest_gradient, straightedge_gap
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.batch import USE_SIMD
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
@@ -21,13 +19,14 @@ from weld_force_ros.physics.track.beam import Spring
 from weld_force_ros.simulation import fit_store
 from weld_force_ros.simulation.few_passages import FewPassages, support_levels
 from weld_force_ros.simulation.force_map_view import Passages, RelevantMap, rounded
+from weld_force_ros.simulation.profile_measures import sampled_measures
 from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.simulation.uncertainty import Draws, draw, noisy
 
 TOLERANCE = 2e-2  # as estimated; in truth under 0.1 % of the peak, 0.6 % over a flat: far below what samples differ by
 _FORCE_DECIMALS = 1
 _TIME_DECIMALS = 6
-_GEOMETRY_DECIMALS = 9
+_RADIUS_DECIMALS = 9
 
 
 class Sampler:
@@ -98,16 +97,14 @@ class Sampler:
         else:
             worst = self._everywhere(x_m, profiles, speeds_kmh, positions_m)
         with executor(self._threads) as pool:
-            gradients = list(pool.map(partial(largest_gradient, x_m), profiles))
-            gaps = list(pool.map(partial(straightedge_gap, x_m), profiles))
+            of_geometry = sampled_measures(x_m, profiles, relevant.force_map.measures, pool)
         draws = self._draws
         return UncertaintyResult(
             positions_m=positions_m.tolist(),
-            gradient_rad=rounded(np.array(gradients), _GEOMETRY_DECIMALS),
-            straightedge_m=rounded(np.array(gaps), _GEOMETRY_DECIMALS),
             support_factor=draws.support_factor.tolist(),
             hertz_factor=draws.hertz_factor.tolist(),
-            wheel_radius_m=rounded(draws.wheel_radius_m, _GEOMETRY_DECIMALS),
+            wheel_radius_m=rounded(draws.wheel_radius_m, _RADIUS_DECIMALS),
+            **of_geometry,
             **worst.rounded(_FORCE_DECIMALS, _TIME_DECIMALS),
         )
 

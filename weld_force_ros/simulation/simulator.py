@@ -4,19 +4,17 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-from msgspec import UNSET, UnsetType
+from msgspec import UnsetType
 
+from weld_force_ros.errors import InputError
 from weld_force_ros.messages import (
     ForceHistory,
     ForceMap,
-    ProfileMeasures,
     SimulationSettings,
     SpeedCurve,
     Uncertainty,
     WeldProfile,
-    known,
 )
-from weld_force_ros.physics.analysis.geometry import classify, largest_gradient, straightedge_gap
 from weld_force_ros.physics.engines.common_poles import BAND_HZ
 from weld_force_ros.physics.engines.greens_function import GreensFunctionModel
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
@@ -27,6 +25,7 @@ from weld_force_ros.physics.track.causality import acausal
 from weld_force_ros.simulation import fit_store, track_file
 from weld_force_ros.simulation.force_map_view import Passages, relevant_positions, relevant_range, rounded
 from weld_force_ros.simulation.measured_geometry import sampled_geometries
+from weld_force_ros.simulation.profile_measures import profile_measures
 from weld_force_ros.simulation.sampling import Sampler
 
 # Messages keep what means something: 0.01 N is a ten-millionth of a wheel load, 0.1 nm far below any roughness.
@@ -66,7 +65,7 @@ class Simulator:
         # The text, not the name: a recording then holds all that its replay needs.
         definition = track_file.parse(settings.track_definition, settings.track)
         wheel = Wheel(settings.wheel_mass_kg, settings.static_load_n, settings.wheel_radius_m, settings.hertz_n_per_m15)
-        self._span_m = definition.track.spacing_m
+        self._span_m, self._pad_n_per_m = definition.track.spacing_m, definition.track.pad.stiffness_n_per_m
         self.vehicle_track: VehicleTrackModel | GreensFunctionModel
         if settings.engine == "reference":
             self.vehicle_track = GreensFunctionModel(definition.track, wheel, threads=threads)
@@ -99,7 +98,9 @@ class Simulator:
 
         Raises:
             NumericalError: a passage did not stay finite.
+            InputError: the weld's position lies beyond the sleeper span.
         """
+        self._check_position(profile)
         began, settings, wheel_path = time.perf_counter(), self.settings, self.wheel_path(profile)
         peak_map = self.vehicle_track.peak_map(
             wheel_path, settings.speeds_kmh, settings.positions_m, low_passed=True, on_speed=on_speed
@@ -113,7 +114,10 @@ class Simulator:
 
         Raises:
             NumericalError: a passage over one of them did not stay finite.
+            InputError: the position of one of them lies beyond the sleeper span.
         """
+        for profile in profiles:
+            self._check_position(profile)
         began, settings = time.perf_counter(), self.settings
         wheel_paths = [self.wheel_path(profile) for profile in profiles]
         peak_maps = list(
@@ -122,6 +126,14 @@ class Simulator:
         share_s = (time.perf_counter() - began) / max(1, len(profiles))
         for profile, wheel_path, peak_map in zip(profiles, wheel_paths, peak_maps, strict=True):
             yield self._force_map(profile, wheel_path, peak_map, time.perf_counter() - share_s)
+
+    def _check_position(self, profile: WeldProfile) -> None:
+        at_m = profile.weld_position_m
+        if isinstance(at_m, float) and at_m > self._span_m * (1 + 1e-9):
+            raise InputError(
+                f"weld {profile.weld_id}: a position of {at_m:g} m lies beyond the sleeper span of {self._span_m:g} m",
+                "state metres after the sleeper before the weld (30 cm is 0.3), or the track with that span",
+            )
 
     def _force_map(self, profile: WeldProfile, wheel_path: WheelPath, peak_map: PeakMap, began_s: float) -> ForceMap:
         settings = self.settings
@@ -137,6 +149,7 @@ class Simulator:
             static_load_n=settings.static_load_n,
             span_m=self._span_m,
             model_error=round(self._model_error, 6),
+            pad_n_per_m=self._pad_n_per_m,
             measures=profile_measures(profile),
             elapsed_s=0.0,
             line_speed_kmh=profile.line_speed_kmh,
@@ -208,19 +221,3 @@ class Simulator:
             rail_m=rounded(history.rail_m[every], _DISPLACEMENT_DECIMALS),
             irregularity_m=rounded(history.irregularity_m[every], _DISPLACEMENT_DECIMALS),
         )
-
-
-def profile_measures(profile: WeldProfile) -> ProfileMeasures:
-    """Return what a profile's geometry says without a wheel."""
-    x_m, z_m = np.array(profile.x_m), np.array(profile.z_m)
-    geometry, measured, noise = classify(x_m, z_m), known(profile.measured_x_m), known(profile.noise)
-    return ProfileMeasures(
-        kind=geometry.kind,
-        dip_m=geometry.dip_m,
-        protrusion_m=geometry.protrusion_m,
-        gradient_rad=largest_gradient(x_m, z_m),
-        straightedge_m=straightedge_gap(x_m, z_m),
-        spacing_m=float(np.diff(x_m if measured is None else measured).max()),
-        noise_m=UNSET if noise is None else noise.noise_m,
-        resolution_m=UNSET if noise is None else noise.resolution_m,
-    )

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 
-from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.messages import (
     TOPICS,
     AssessmentSettings,
@@ -256,4 +256,4 @@ class AssessmentNode(LifecycleNodeBase):
 
 
 def _limits(values: dict[str, Any]) -> AssessmentSettings:
-    return load_limits(Path(values["limits"]).expanduser() if values["limits"] else None)
+    return load_limits(values["limits"])
