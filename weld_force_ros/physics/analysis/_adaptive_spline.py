@@ -258,6 +258,11 @@ def log_density(u, gradient, wanted, sums, gram, moment, data, knot, share, prio
     return likelihood - 0.5 * quadratic
 
 
+@compiled(inline="always")
+def _yes():
+    return bool(1)  # not a literal, for which `log_density` would be compiled once more
+
+
 @_jit
 def climb(
     u, inverse_hessian, rounds, tolerance,
@@ -266,7 +271,7 @@ def climb(
     """Maximise the log density from u by BFGS with backtracking."""
     gradient, other = np.empty(len(u)), np.empty(len(u))
     h = inverse_hessian.copy()
-    value = log_density(u, gradient, True, sums, gram, moment, data, knot, share, prior_mean, prior_precision, work)
+    value = log_density(u, gradient, _yes(), sums, gram, moment, data, knot, share, prior_mean, prior_precision, work)
     for _ in range(rounds):
         direction = h @ gradient
         rise = direction @ gradient
@@ -278,7 +283,7 @@ def climb(
         for _ in range(10):
             trial = u + stride * direction
             trial_value = log_density(
-                trial, other, True, sums, gram, moment, data, knot, share, prior_mean, prior_precision, work
+                trial, other, _yes(), sums, gram, moment, data, knot, share, prior_mean, prior_precision, work
             )
             if trial_value > value + 1e-4 * stride * rise:
                 found = True
@@ -290,7 +295,10 @@ def climb(
         sy = s @ y
         if sy > 1e-10:
             hy = h @ y
-            h += (1 + (y @ hy) / sy) / sy * np.outer(s, s) - (np.outer(hy, s) + np.outer(s, hy)) / sy
+            stretch = (1 + (y @ hy) / sy) / sy
+            for i in range(len(s)):  # `np.outer` takes seconds to compile
+                for j in range(len(s)):
+                    h[i, j] += stretch * s[i] * s[j] - (hy[i] * s[j] + s[i] * hy[j]) / sy
         u, value = trial, trial_value
         gradient[:] = other
     return u, value
@@ -301,12 +309,12 @@ def hessian(u, sums, gram, moment, data, knot, share, prior_mean, prior_precisio
     """Return the negative Hessian of the log density by differences of the gradient."""
     n = len(u)
     at, beside, result = np.empty(n), np.empty(n), np.empty((n, n))
-    log_density(u, at, True, sums, gram, moment, data, knot, share, prior_mean, prior_precision, work)
+    log_density(u, at, _yes(), sums, gram, moment, data, knot, share, prior_mean, prior_precision, work)
     for i in range(n):
         step = 0.02 if i == n - 2 else 0.1
         moved = u.copy()
         moved[i] += step
-        log_density(moved, beside, True, sums, gram, moment, data, knot, share, prior_mean, prior_precision, work)
+        log_density(moved, beside, _yes(), sums, gram, moment, data, knot, share, prior_mean, prior_precision, work)
         result[i] = (at - beside) / step
     return 0.5 * (result + result.T)
 
@@ -321,7 +329,7 @@ def hamiltonian(
     back = np.ascontiguousarray(metric.T)
     at, gradient = np.zeros(len(centre)), np.empty(len(centre))
     value = log_density(
-        centre, gradient, True, sums, gram, moment, data, knot, share, prior_mean, prior_precision, work
+        centre, gradient, _yes(), sums, gram, moment, data, knot, share, prior_mean, prior_precision, work
     )
     force = back @ gradient
     accepted, drawn = 0, 0
@@ -335,7 +343,7 @@ def hamiltonian(
             trial += leap * momentum
             u = centre + metric @ trial
             trial_value = log_density(
-                u, gradient, True, sums, gram, moment, data, knot, share, prior_mean, prior_precision, work
+                u, gradient, _yes(), sums, gram, moment, data, knot, share, prior_mean, prior_precision, work
             )
             if not trial_value > -1e299:
                 break
@@ -346,7 +354,9 @@ def hamiltonian(
             accepted += 1
         if number >= BURN and (number - BURN) % SKIP == SKIP - 1:
             u = centre + metric @ at
-            log_density(u, gradient, False, sums, gram, moment, data, knot, share, prior_mean, prior_precision, work)
+            log_density(
+                u, gradient, not _yes(), sums, gram, moment, data, knot, share, prior_mean, prior_precision, work
+            )
             parameters[drawn] = u
             departure = white[drawn].copy()
             _solve_transposed(factor, departure)

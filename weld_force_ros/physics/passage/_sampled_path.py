@@ -19,7 +19,8 @@ def dilate(surface, half, circle, wheel_radius_m, step_m, out):
         reach = np.sqrt(max(0.0, 2 * wheel_radius_m * rise - rise * rise)) if rise < wheel_radius_m else np.inf
         near = int(min(float(half), np.ceil(reach / step_m) + 1.0))
         chunk = out[first:end]
-        chunk[:] = surface[first + half : end + half] + circle[half]
+        for i in range(chunk.shape[0]):
+            chunk[i] = surface[first + half + i] + circle[half]
         for k in range(half - near, half + near + 1):
             lift, shifted = circle[k], surface[first + k : end + k]
             for i in range(chunk.shape[0]):
@@ -60,7 +61,9 @@ def resample_monotone(x, heights, grid, out):
     Slopes after Fritsch & Butland, as of `scipy.interpolate.PchipInterpolator`.
     """
     count = x.shape[0]
-    width, secant, slope = np.diff(x), np.empty(count - 1), np.empty(count)
+    width, secant, slope = np.empty(count - 1), np.empty(count - 1), np.empty(count)
+    for i in range(count - 1):  # `np.diff` takes seconds to compile
+        width[i] = x[i + 1] - x[i]
     for path in range(heights.shape[0]):
         z = heights[path]
         for i in range(count - 1):

@@ -123,7 +123,7 @@ class LaneTables:
             initial_states=np.tile(initial.reshape(count, -1, 2 * SPEEDS), (repeats, 1, 1)),
             starts=np.tile(np.repeat(places.starts[:, None] // self._stride, 2, axis=1), (repeats, 1)),
             ends=np.tile(np.repeat(places.ends[:, None], 2, axis=1), (repeats, 1)),
-            irregularity_m=irregularity,
+            irregularity_m=np.ascontiguousarray(irregularity),  # one layout for all callers: compiled once
         )
 
     def _blocks(self, speeds: SpeedChoice) -> _simd_passage.SpeedBlocks:
