@@ -92,11 +92,11 @@ def as_profile(weld: SyntheticWeld) -> WeldProfile:
 @pytest.mark.slow
 def test_advice_is_what_trying_every_speed_gives():
     """Seeded welds, each with a limit that its curve meets; every whole km/h simulated, then looked at."""
-    simulator = Simulator(simulation_settings(track="bilbao-viscous", positions=4))
+    simulator = Simulator(simulation_settings(track="bilbao-viscous", positions=2))
     vehicle_track = Simulator(simulator.settings).vehicle_track
     speeds = np.arange(20.0, 301.0)
     humps = 0
-    for profile in map(as_profile, population(16, seed=7)):
+    for profile in map(as_profile, population(8, seed=7)):
         rolled = vehicle_track.peak_map(simulator.wheel_path(profile), speeds, simulator.settings.positions_m)
         curve = dict(zip(speeds.tolist(), rolled.peak_force_n.max(axis=1).tolist(), strict=True))
         most_n = float(np.quantile(list(curve.values()), 0.7)) + 0.123
