@@ -672,16 +672,25 @@ def _judge(kind: Kind, index: int, data: bytes, tally: Tally) -> None:
     tally.slowest_s = max(tally.slowest_s, time.process_time() - began)
 
 
+@lru_cache
+def _warm_up() -> None:
+    """Import and compile what is read with: that takes longer than an input may."""
+    _assessment()
+    for kind in (KINDS["profile file"], KINDS["limits file"]):
+        kind.read(kind.seeds()[0])
+
+
 def _serve(connection: multiprocessing.connection.Connection, current: Any, folder: str) -> None:
     """Work through jobs; the kernel ends this process at an input that takes too long."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT_BYTES, MEMORY_LIMIT_BYTES))
     tempfile.tempdir = folder
     os.environ |= {"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF", "ROS_LOG_DIR": str(_folder())}
-    _assessment()  # compiles
     for limit in (signal.SIGPROF, signal.SIGALRM):
         signal.signal(limit, signal.SIG_DFL)
     while (job := connection.recv()) is not None:
         tally = Tally()
+        if job.kind.name in KINDS:
+            _warm_up()
         if job.kind.name == "DDS sample":
             _live_node()
         for index in range(job.start, job.stop):
