@@ -114,7 +114,7 @@ def wait_until(true, seconds=120.0):
 def test_killed_worker_and_client_change_nothing(folder, tmp_path):
     (folder / "fine.yaml").write_text(CAMPAIGN.replace("batch_welds: 12", "batch_welds: 1"), encoding="utf-8")
     out = tmp_path / "killed"
-    command = [*COMMAND, "fine.yaml", "--workers", "2", "--no-page", "--out", str(out)]
+    command = [*COMMAND, "fine.yaml", "--workers", "1", "--no-page", "--out", str(out)]
     with (tmp_path / "said").open("w") as said, subprocess.Popen(command, cwd=folder, stderr=said) as process:
         client = psutil.Process(process.pid)
         wait_until(lambda: list((out / batch_records.FOLDER).glob("*.json")) or process.poll() is not None)

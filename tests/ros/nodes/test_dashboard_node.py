@@ -18,6 +18,7 @@ import pytest
 
 from tests.harness.ros import DEADLINE_S, Outcomes, Probe, QuickSimulator, profile_text, wait_until
 from tests.ros.test_node_suite import profile
+from weld_force_ros.cli.main import main
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import Verdict, encode
 from weld_force_ros.report.pdf import find_browser
@@ -160,42 +161,38 @@ def test_a_used_port_keeps_the_node_from_starting(domain_id: int, used_port: int
         pass
 
 
+def up_arguments(folder: Path, *more: str) -> list[str]:
+    grid = ("--speeds", "40,80", "--positions", "2", "--uncertainty-samples", "0")
+    return ["up", "--folder", str(folder), *grid, *more]
+
+
 @contextmanager
 def up(folder: Path, *arguments: str) -> Iterator["subprocess.Popen[str]"]:
     """The command, ended with its nodes: left alone they would publish into the domain of a later test."""
-    command = [
-        sys.executable,
-        "-m",
-        "weld_force_ros.cli",
-        "up",
-        "--folder",
-        str(folder),
-        "--speeds",
-        "40,80",
-        "--uncertainty-samples",
-        "0",
-    ]
-    with subprocess.Popen([*command, "--positions", "2", *arguments], stderr=subprocess.PIPE, text=True) as process:
+    command = [sys.executable, "-m", "weld_force_ros.cli", *up_arguments(folder, *arguments)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         try:
             yield process
         finally:
             process.terminate()
 
 
-def test_a_used_port_is_one_line_and_code_2(domain_id: int, folder: Path, used_port: int) -> None:
-    with up(folder, "--dashboard", "--dashboard-port", str(used_port)) as process:
-        _, err = process.communicate(timeout=DEADLINE_S)
-    assert process.returncode == 2
+def test_a_used_port_is_one_line_and_code_2(
+    domain_id: int, folder: Path, used_port: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert main(up_arguments(folder, "--dashboard", "--dashboard-port", str(used_port))) == 2
+    err = capfd.readouterr().err
     (line,) = [line for line in err.splitlines() if line.startswith("weld-force:")]
     assert f"port {used_port} is in use; give another one with --dashboard-port" in line
     assert "Traceback" not in err
 
 
 @pytest.mark.parametrize("arguments", [("--dashboard-port", "8765"), ("--dashboard", "--dashboard-port", "70000")])
-def test_a_port_without_dashboard_or_out_of_range_is_refused(domain_id: int, folder: Path, arguments: Any) -> None:
-    with up(folder, *arguments) as process:
-        _, err = process.communicate(timeout=DEADLINE_S)
-    assert (process.returncode, len(err.splitlines())) == (2, 1)
+def test_a_port_without_dashboard_or_out_of_range_is_refused(
+    domain_id: int, folder: Path, arguments: Any, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert main(up_arguments(folder, *arguments)) == 2
+    assert len(capfd.readouterr().err.splitlines()) == 1
 
 
 @pytest.mark.parametrize("how", [(), ("--processes",)])
