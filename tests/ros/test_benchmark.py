@@ -16,6 +16,8 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(autouse=True)
 def few_at_once(domain_id: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(nodes, "_FLOOD", 3)
+    monkeypatch.setattr(nodes, "SPEEDS", "80,120")
+    monkeypatch.setattr(nodes, "DEFAULT_UNCERTAINTY_SAMPLES", 4)
 
 
 def test_every_weld_is_counted_and_none_lost() -> None:

@@ -191,7 +191,10 @@ def test_second_assessment_node_cannot_write_the_same_bag(domain_id: int, folder
         pass
 
 
-def test_subscriber_that_is_stuck_holds_nobody_up(domain_id: int, folder: Path, tmp_path: Path) -> None:
+def test_subscriber_that_is_stuck_holds_nobody_up(
+    domain_id: int, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(qos.KEPT_DEPTH, ForceMap, 16)  # full sooner
     code = (
         "import rclpy, sys; from std_msgs.msg import String; from weld_force_ros.ros import qos; rclpy.init();"
         "node = rclpy.create_node('slow');"
