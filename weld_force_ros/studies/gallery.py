@@ -37,6 +37,7 @@ def write_study(found: StudyResult, out: Path) -> RenderedStudy:
     for picture in found.pictures:
         for ending in ("svg", "png"):
             save(picture.figure, folder / f"{picture.name}.{ending}")
+            picture.figure.set_layout_engine("none")  # laid out once: it takes as long as drawing
         pictures.append((picture.title, picture.caption, folder / f"{picture.name}.png"))
     for name, table in found.tables.items():
         table.write_csv(folder / f"{name}.csv")
