@@ -96,10 +96,14 @@ def _map_differences(recorded: ForceMap, computed: ForceMap) -> Iterator[str]:
 def _columns_agree(
     was: SpeedCurve | UncertaintyResult, now: SpeedCurve | UncertaintyResult, tolerance_n: float
 ) -> bool:
-    """Return whether all columns agree: forces as those of the map, all else within the tolerance of places."""
+    """Return whether all columns agree: forces as those of the map, all else within the tolerance of places.
+
+    A column that an earlier version did not compute is absent or empty.
+    """
     columns = ((getattr(was, name), getattr(now, name), name.endswith("_n")) for name in was.__struct_fields__)
     return all(
         a is UNSET
+        or not a
         or (len(a) == len(b) and np.allclose(a, b, rtol=0.0, atol=tolerance_n if force else PLACE_TOLERANCE_M))
         for a, b, force in columns
     )
