@@ -1,6 +1,6 @@
 """Simulate of every sample only what can be the worst, and what follows from that.
 
-Three things keep it few. At each position a sample passes at sixteen speeds near the nominal worst (`worst_speeds`).
+Three things keep it few. At each position a sample passes at eight speeds near the nominal worst (`worst_speeds`).
 Stiffness acts smoothly: samples are simulated with the nearest of a few levels of support and contact, and corrected by
 the response of the nominal geometry between the levels, of which there are more where contact is lost: that is less
 smooth. Forces below 120 and 20 Hz hardly vary with the geometry: they
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from weld_force_ros.messages import Uncertainty
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.lane_tables import LaneTables, Places, places_over
+from weld_force_ros.physics.passage.lane_tables import AT_ONCE, LaneTables, Places, places_over
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.state_space import StateModel
 from weld_force_ros.physics.passage.steady_state import SteadyStateSolver
@@ -29,7 +29,6 @@ from weld_force_ros.simulation.force_map_view import Passages
 from weld_force_ros.simulation.uncertainty import Draws
 from weld_force_ros.simulation.worst_speeds import dynamic_parts, near_worst
 
-_AT_ONCE = 16  # speeds
 _IMPACT = ("peak_force_n", "min_force_n", "contact_loss_s")
 _LOW_PASSED = ("p2_force_n", "force_20hz_n")
 # Deviations of logarithms.
@@ -95,7 +94,7 @@ class _Choice:
     Attributes:
         names: of the columns.
         positions: (n,), indices.
-        speeds: (n, a multiple of 16), indices.
+        speeds: (n, a multiple of `AT_ONCE`), indices.
     """
 
     names: Sequence[str]
@@ -110,13 +109,13 @@ class _Choice:
 
     @property
     def blocks(self) -> NDArray[np.intp]:
-        """Speeds as `LaneTables.peaks` takes them, (n_place, 16)."""
-        return self.speeds.reshape(-1, _AT_ONCE)
+        """Speeds as `LaneTables.peaks` takes them, (n_place, AT_ONCE)."""
+        return self.speeds.reshape(-1, AT_ONCE)
 
     @property
     def places(self) -> NDArray[np.intp]:
         """Positions as `LaneTables.peaks` takes them, (n_place,)."""
-        return np.repeat(self.positions, self.speeds.shape[1] // _AT_ONCE)
+        return np.repeat(self.positions, self.speeds.shape[1] // AT_ONCE)
 
     def worst(self, peak_map: PeakMap, static_load_n: float) -> dict[str, FloatArray]:
         """Return the worst over speeds, by name, (n_sample, n)."""
@@ -249,16 +248,16 @@ class FewPassages:
 
 
 def _impact(nominal: Passages) -> _Choice:
-    """Choose for what the unfiltered force decides; twice the speeds where contact is lost, which jumps about."""
+    """Choose for what the unfiltered force decides; more speeds where contact is lost, which jumps about."""
     positions = np.arange(nominal.peak_force_n.shape[1])
-    return _Choice.of(nominal, _IMPACT, positions, 2 * _AT_ONCE if np.any(nominal.contact_loss_s > 0) else _AT_ONCE)
+    return _Choice.of(nominal, _IMPACT, positions, 4 * AT_ONCE if np.any(nominal.contact_loss_s > 0) else AT_ONCE)
 
 
 def _low_passed(nominal: Passages, positions_m: FloatArray, span_m: float) -> _Choice:
     """Choose for low-passed forces: the position of the worst, and the one that is half a span from there."""
     at = int(nominal.columns["p2_force_n"].max(axis=0).argmax())
     opposite = int(np.cos(2 * np.pi * (positions_m - positions_m[at]) / span_m).argmin())
-    return _Choice.of(nominal, _LOW_PASSED, np.unique([at, opposite]), _AT_ONCE)
+    return _Choice.of(nominal, _LOW_PASSED, np.unique([at, opposite]), AT_ONCE)
 
 
 def _carried(

@@ -1,8 +1,8 @@
 """Choose the speeds at which a sample can be the worst, from the nominal map.
 
 What is uncertain moves the force at one speed much as at the next, so that a sample's worst is near the nominal one:
-measured over the bundled welds, sixteen speeds at each position, those within `MARGIN` of the worst, give the ends of
-90 % intervals within 0.7 % of what all forty-eight give (`python -m benchmarks.uncertainty`).
+measured over the bundled welds, eight speeds at each position, those within `MARGIN` of the worst, give the ends of
+90 % intervals within 1 % of what all forty-eight give (`python -m benchmarks.uncertainty`).
 """
 
 from collections.abc import Sequence

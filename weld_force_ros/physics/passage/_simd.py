@@ -21,6 +21,7 @@ from numba.np.arrayobj import make_array
 
 SPEEDS = 16
 LANES = 2 * SPEEDS
+QUARTER = LANES // 4
 # As the kernel's scalar code: sums may be regrouped, NaN and infinity keep their meaning.
 _FLAGS = ("reassoc", "contract", "arcp", "nsz")
 
@@ -125,6 +126,20 @@ def spread_two(typing, array, first, second):
         return builder.shuffle_vector(pair, pair, _mask([0] * SPEEDS + [1] * SPEEDS))
 
     return _doubles(array, types.intp, types.intp), generate
+
+
+@intrinsic
+def spread_four(typing, array, first, second, third, fourth):
+    """Return four numbers of a flat float64 array, each in a quarter of the lanes."""
+
+    def generate(context, builder, sig, args):
+        numbers = ir.Constant(ir.VectorType(ir.DoubleType(), 4), ir.Undefined)
+        for place, index in enumerate(args[1:]):
+            number = builder.load(_element(context, builder, sig.args[0], args[0], index))
+            numbers = builder.insert_element(numbers, number, ir.Constant(ir.IntType(32), place))
+        return builder.shuffle_vector(numbers, numbers, _mask([lane // QUARTER for lane in range(LANES)]))
+
+    return _doubles(array, *4 * (types.intp,)), generate
 
 
 @intrinsic

@@ -25,6 +25,7 @@ from weld_force_ros.physics.passage._simd import (
     multiply_add,
     single,
     splat,
+    spread_four,
     spread_two,
     square_root,
     store,
@@ -69,7 +70,8 @@ class PlacePairs(NamedTuple):
         initial_states: (n_pair, n_state + 3, LANES), where the passages start.
         starts: (n_pair, 2), grid point.
         ends: (n_pair, 2), steps until the weld is behind.
-        irregularity_m: (n_pair, 2, n), from the start on, zero beyond.
+        irregularity_m: (n_row, n), from the start on, zero beyond.
+        rows: (n_pair, 4), of the irregularity that each quarter of the lanes meets.
     """
 
     speed_blocks: np.ndarray
@@ -77,6 +79,7 @@ class PlacePairs(NamedTuple):
     starts: np.ndarray
     ends: np.ndarray
     irregularity_m: np.ndarray
+    rows: np.ndarray
 
 
 @compiled(nogil=True, fastmath=FAST_MATH)
@@ -216,7 +219,7 @@ def _write_end(lane, n, working, filtered, levels, n_filters, row):
 def peaks_in_lanes(pairs: PlacePairs, blocks: SpeedBlocks, filters: Filters, physics, negligible_n, results):
     """Simulate passages as `_scalar_passage.peaks_at_speed` does, with its results: (n_pair, LANES, 6 + n_end)."""
     n_grid, n_state = blocks.drives.shape
-    n_modes, irregular = n_state // 2, pairs.irregularity_m.shape[2]
+    n_modes, irregular = n_state // 2, pairs.irregularity_m.shape[1]
     decays, input_scales = blocks.decay.ravel(), blocks.input_scale.ravel()
     drives, gain_rows, smooth_rows = blocks.drives.ravel(), blocks.gains.ravel(), blocks.smooth_n.ravel()
     irregularities, all_dts, filter_rows = pairs.irregularity_m.ravel(), blocks.dt_s.ravel(), filters.smooth_n.ravel()
@@ -247,6 +250,7 @@ def peaks_in_lanes(pairs: PlacePairs, blocks: SpeedBlocks, filters: Filters, phy
             active[lane], ended[lane] = True, False
         n_active = LANES
         j, k = pairs.starts[i, 0] % n_grid, pairs.starts[i, 1] % n_grid
+        row_a, row_b, row_c, row_d = pairs.rows[i, 0], pairs.rows[i, 1], pairs.rows[i, 2], pairs.rows[i, 3]
         filtered[:] = 0.0
         for q in range(n_filters):
             row = (block * n_filters + q) * n_grid
@@ -260,7 +264,10 @@ def peaks_in_lanes(pairs: PlacePairs, blocks: SpeedBlocks, filters: Filters, phy
             k_ahead = k + 1 if k + 1 < n_grid else 0
             irregularity = zero
             if n < irregular:
-                irregularity = spread_two(irregularities, 2 * i * irregular + n, (2 * i + 1) * irregular + n)
+                irregularity = spread_four(
+                    irregularities, row_a * irregular + n, row_b * irregular + n, row_c * irregular + n,
+                    row_d * irregular + n,
+                )  # fmt: skip
             displacement_re, displacement_im = _advance_rail(
                 rail, force, irregularity, decays, input_scales, real_row, imag_row, drives, n_state, j, k, j_ahead,
                 k_ahead,

@@ -203,7 +203,8 @@ class SimdBatch:
             initial_states=states.transpose(0, 2, 1, 3).reshape(len(place_pairs), -1, LANES),
             starts=starts // self._stride,
             ends=places.ends[place_pairs],
-            irregularity_m=places.irregularity_m[place_pairs],
+            irregularity_m=places.irregularity_m,
+            rows=np.repeat(place_pairs, 2, axis=1),
         )
         _simd_passage.peaks_in_lanes(
             pairs, self._blocks, filters, self._solver.physics, negligible_n(self._solver), results

@@ -1,7 +1,7 @@
-"""Tables of many speeds, any sixteen of which are put side by side for a place: few passages out of many.
+"""Tables of many speeds, any eight of which are put side by side for a place: few passages out of many.
 
-`PeakMapSolver` simulates every speed at every place. Here each place has its own sixteen speeds, and the two welds that
-share the lanes are two samples of one, so that a register is filled by what is wanted alone. All passages are in the
+`PeakMapSolver` simulates every speed at every place. Here each place has its own eight speeds, and what shares the
+lanes are four samples of one weld, so that a register is filled by what is wanted alone. All passages are in the
 longest stride: what that leaves out is in the batches of `weld_force_ros.physics.passage.peak_map` held to a tolerance.
 """
 
@@ -16,13 +16,17 @@ from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage import _simd_passage
 from weld_force_ros.physics.passage._contact import Filters
 from weld_force_ros.physics.passage._sampled_path import sampled_locally
-from weld_force_ros.physics.passage._simd import SPEEDS
+from weld_force_ros.physics.passage._simd import LANES, QUARTER, SPEEDS
 from weld_force_ros.physics.passage.batch import column_count, negligible_n, speed_tables, with_filters_later
 from weld_force_ros.physics.passage.lowpass import CUTOFFS_HZ, LowPass, low_pass
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.steady_state import SteadyStateSolver
 
+AT_ONCE = QUARTER
+"""Speeds that a place has."""
+
 SpeedChoice = NDArray[np.intp]
+_SAMPLES = LANES // AT_ONCE  # that share the lanes
 _SHOWN = 4  # of the six results of a passage that are shown, before those of filters
 
 
@@ -80,29 +84,29 @@ class LaneTables:
 
         Args:
             places: where, and over what.
-            speeds: (n_place, SPEEDS), indices of the table's speeds.
+            speeds: (n_place, AT_ONCE), indices of the table's speeds.
             low_passed: also the greatest forces through filters, which takes twice the time.
 
         Returns:
-            Each (n_sample, n_place, SPEEDS); `peak_x_m` in steps from the start.
+            Each (n_sample, n_place, AT_ONCE); `peak_x_m` in steps from the start.
 
         Raises:
             NumericalError: a passage did not stay finite.
         """
         filters = self._filters[CUTOFFS_HZ if low_passed else ()]
         samples, count = places.irregularity_m.shape[0], len(speeds)
-        results = np.empty(((samples + 1) // 2 * count, 2 * SPEEDS, column_count(filters)))
+        results = np.empty((-(-samples // _SAMPLES) * count, LANES, column_count(filters)))
         _simd_passage.peaks_in_lanes(
-            self._pairs(places, speeds),
+            self._lanes(places, speeds),
             self._blocks(speeds),
             _filter_blocks(filters, speeds),
             self._solver.physics,
             negligible_n(self._solver),
             results,
         )
-        # (n_pair, n_place, 2, SPEEDS, n_column), with an odd number of samples the last one twice
-        found = results.reshape(-1, count, 2, SPEEDS, results.shape[2]).transpose(0, 2, 1, 3, 4)
-        found = found.reshape(-1, count, SPEEDS, results.shape[2])[:samples]
+        # The last sample fills what lanes are left.
+        found = results.reshape(-1, count, _SAMPLES, AT_ONCE, results.shape[2]).transpose(0, 2, 1, 3, 4)
+        found = found.reshape(-1, count, AT_ONCE, results.shape[2])[:samples]
         if low_passed:
             found = self._with_later(filters, places, speeds, found)
         shown = np.concatenate([found[..., :_SHOWN], found[..., 6:]], axis=3)
@@ -111,35 +115,35 @@ class LaneTables:
         peak_n, steps, least_n, loss_s, *low = np.moveaxis(shown, 3, 0)
         return PeakMap(peak_n, steps, least_n, loss_s, np.stack(low) if low_passed else None)
 
-    def _pairs(self, places: Places, speeds: SpeedChoice) -> _simd_passage.PlacePairs:
+    def _lanes(self, places: Places, speeds: SpeedChoice) -> _simd_passage.PlacePairs:
         samples, count, longest = places.irregularity_m.shape
-        padded = np.concatenate([places.irregularity_m, places.irregularity_m[-1:]])[: samples + samples % 2]
-        irregularity = padded.reshape(-1, 2, count, longest).transpose(0, 2, 1, 3).reshape(-1, 2, longest)
+        repeats = -(-samples // _SAMPLES)
+        own = np.minimum(np.arange(repeats * _SAMPLES), samples - 1).reshape(repeats, 1, _SAMPLES)
         at = places.starts // self._solver.longest_stride % self._states.shape[1]
-        initial = np.repeat(self._states[speeds, at[:, None]].transpose(0, 2, 1)[:, :, None], 2, axis=2)
-        repeats = len(irregularity) // count
+        initial = np.tile(self._states[speeds, at[:, None]].transpose(0, 2, 1), _SAMPLES)
         return _simd_passage.PlacePairs(
             speed_blocks=np.tile(np.arange(count), repeats),
-            initial_states=np.tile(initial.reshape(count, -1, 2 * SPEEDS), (repeats, 1, 1)),
+            initial_states=np.tile(initial, (repeats, 1, 1)),
             starts=np.tile(np.repeat(places.starts[:, None] // self._stride, 2, axis=1), (repeats, 1)),
             ends=np.tile(np.repeat(places.ends[:, None], 2, axis=1), (repeats, 1)),
-            irregularity_m=np.ascontiguousarray(irregularity),  # one layout for all callers: compiled once
+            irregularity_m=np.ascontiguousarray(places.irregularity_m.reshape(-1, longest)),  # one layout: compiled once
+            rows=(own * count + np.arange(count)[:, None]).reshape(-1, _SAMPLES),
         )
 
     def _blocks(self, speeds: SpeedChoice) -> _simd_passage.SpeedBlocks:
         return _simd_passage.SpeedBlocks(
-            decay=_twice(self._decay, speeds),
-            input_scale=_twice(self._input_scale, speeds),
+            decay=_in_lanes(self._decay, speeds),
+            input_scale=_in_lanes(self._input_scale, speeds),
             drives=self._drives,
-            gains=_side_by_side(self._gains, speeds),
-            smooth_n=_side_by_side(self._smooth_n, speeds),
-            windows=_twice(self._windows, speeds),
-            run_outs=_twice(self._run_outs, speeds),
-            dt_s=_twice(self._dt_s, speeds),
+            gains=_in_half_the_lanes(self._gains, speeds),
+            smooth_n=_in_half_the_lanes(self._smooth_n, speeds),
+            windows=_in_lanes(self._windows, speeds),
+            run_outs=_in_lanes(self._run_outs, speeds),
+            dt_s=_in_lanes(self._dt_s, speeds),
         )
 
     def _with_later(self, filters: LowPass, places: Places, speeds: SpeedChoice, found: FloatArray) -> FloatArray:
-        """Return results (n_sample, n_place, SPEEDS, n_shown) with what filters still show after the passages."""
+        """Return results (n_sample, n_place, AT_ONCE, n_shown) with what filters still show after the passages."""
         starts, parts = places.starts // self._stride, list[FloatArray]()
         for place, chosen in enumerate(speeds):
             own = LowPass(*(array[chosen] for array in filters))
@@ -150,22 +154,26 @@ class LaneTables:
 
 def _filter_blocks(filters: LowPass, speeds: SpeedChoice) -> Filters:
     return Filters(
-        _twice(filters.decay, speeds),
-        _twice(filters.shapes, speeds),
-        _twice(filters.gains, speeds),
-        _side_by_side(filters.smooth_n, speeds),
-        _twice(filters.floors_n, speeds),
+        _in_lanes(filters.decay, speeds),
+        _in_lanes(filters.shapes, speeds),
+        _in_lanes(filters.gains, speeds),
+        _in_half_the_lanes(filters.smooth_n, speeds),
+        _in_lanes(filters.floors_n, speeds),
     )
 
 
+def _in_half_the_lanes(table: NDArray[Any], speeds: SpeedChoice) -> NDArray[Any]:
+    """Return a table (n_speed, ...) of the chosen speeds, for half of the samples: (n_place, ..., SPEEDS)."""
+    return _side_by_side(table, np.tile(speeds, SPEEDS // AT_ONCE))
+
+
+def _in_lanes(table: NDArray[Any], speeds: SpeedChoice) -> NDArray[Any]:
+    """Return a table (n_speed, ...) of the chosen speeds, for all samples: (n_place, ..., LANES)."""
+    return _side_by_side(table, np.tile(speeds, _SAMPLES))
+
+
 def _side_by_side(table: NDArray[Any], speeds: SpeedChoice) -> NDArray[Any]:
-    """Return a table (n_speed, ...) of the chosen speeds, (n_place, ..., SPEEDS)."""
     return np.ascontiguousarray(np.moveaxis(table[speeds], 1, -1))
-
-
-def _twice(table: NDArray[Any], speeds: SpeedChoice) -> NDArray[Any]:
-    """Return a table (n_speed, ...) of the chosen speeds, for either weld of a pair: (n_place, ..., 2 SPEEDS)."""
-    return _side_by_side(table, np.concatenate([speeds, speeds], axis=1))
 
 
 def places_over(
