@@ -93,6 +93,13 @@ class Passages:
         """Return the passages in another shape."""
         return self._with({name: values.reshape(shape) for name, values in self.columns.items()})
 
+    def only(self, selected: NDArray[np.bool_]) -> "Passages":
+        """Return the passages with what cannot be the worst of any in place of those that are not selected."""
+        never = {"min_force_n": np.inf}
+        return self._with(
+            {name: np.where(selected, values, never.get(name, -np.inf)) for name, values in self.columns.items()}
+        )
+
     def worst(self, axis: int) -> "Passages":
         """Return the worst over an axis: the minimum of the minimum force, the maximum of everything else."""
         return self._with(

@@ -27,6 +27,7 @@ from weld_force_ros.simulation.force_map_view import Passages, relevant_position
 from weld_force_ros.simulation.measured_geometry import sampled_geometries
 from weld_force_ros.simulation.profile_measures import profile_measures
 from weld_force_ros.simulation.sampling import Sampler
+from weld_force_ros.simulation.worst_places import possibly_worst
 
 # Messages keep what means something: 0.01 N is a ten-millionth of a wheel load, 0.1 nm far below any roughness.
 _FORCE_DECIMALS = 2
@@ -179,8 +180,10 @@ class Simulator:
         between = np.setdiff1d(np.arange(np.ceil(speeds[0]), speeds[-1]), speeds)
         parts = [self._passages(peak_map).at(np.s_[:, relevant])]
         if len(between):
-            finer = self.vehicle_track.peak_map(wheel_path, between, places, low_passed=True)
-            parts.append(self._passages(finer))
+            assert isinstance(self.vehicle_track, VehicleTrackModel), "engines with curves are fitted"  # noqa: S101
+            selected = possibly_worst(parts[0], speeds, between)
+            finer = self.vehicle_track.peak_map(wheel_path, between, places, low_passed=True, selected=selected)
+            parts.append(self._passages(finer).only(selected))
         all_speeds = np.concatenate([speeds, between])
         order = np.argsort(all_speeds)
         all_parts = Passages.concatenated(parts).at(order)

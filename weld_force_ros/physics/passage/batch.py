@@ -51,10 +51,10 @@ class PassageStarts:
 def passage_starts(
     solver: SteadyStateSolver, wheel_paths: Sequence[WheelPath], positions_m: FloatArray, stride: int
 ) -> PassageStarts:
-    """Return where passages over welds, each at `positions_m` (n_position,), begin and end, and the irregularity."""
-    of_each = [_starts_over(solver, wheel_path, positions_m, stride) for wheel_path in wheel_paths]
+    """Return where passages over welds at `positions_m` (n_weld, n_position) begin and end, and the irregularity."""
+    of_each = [_starts_over(solver, *weld, stride) for weld in zip(wheel_paths, positions_m, strict=True)]
     longest = max(own.irregularity_m.shape[1] for own in of_each)
-    irregularity = np.zeros((len(of_each), len(positions_m), longest))
+    irregularity = np.zeros((*positions_m.shape, longest))
     for rows, own in zip(irregularity, of_each, strict=True):
         rows[:, : own.irregularity_m.shape[1]] = own.irregularity_m
     return PassageStarts(

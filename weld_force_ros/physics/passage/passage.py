@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from weld_force_ros.errors import InputError, NumericalError
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage import _scalar_passage
-from weld_force_ros.physics.passage.batch import TRANSIENT_WINDOW_S
+from weld_force_ros.physics.passage.batch import TRANSIENT_WINDOW_S, Selection
 from weld_force_ros.physics.passage.peak_map import TOLERANCE, PeakMap, PeakMapSolver
 from weld_force_ros.physics.passage.state_space import StateModel
 from weld_force_ros.physics.passage.steady_state import SteadyStateSolver
@@ -76,6 +76,7 @@ class VehicleTrackModel:
         low_passed: bool = False,
         tolerance: float = TOLERANCE,
         on_speed: Callable[[], None] = lambda: None,
+        selected: Selection | None = None,
     ) -> PeakMap:
         """Return peak force, its place, least force and contact loss of every passage.
 
@@ -86,6 +87,7 @@ class VehicleTrackModel:
             low_passed: also the greatest forces through the filters of `weld_force_ros.physics.passage.lowpass`.
             tolerance: of the peak force, that the steps' length may cost.
             on_speed: called for each speed that is done.
+            selected: (n_speed, n_position), what is simulated; the rest is NaN. Everything, if not given.
 
         Raises:
             InputError: a speed that is not positive, or anything that is not finite.
@@ -93,7 +95,14 @@ class VehicleTrackModel:
         """
         speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
         return self._peak_maps.solve(
-            [wheel_path], speeds, positions, self._threads, on_speed, low_passed=low_passed, tolerance=tolerance
+            [wheel_path],
+            speeds,
+            positions,
+            self._threads,
+            on_speed,
+            low_passed=low_passed,
+            tolerance=tolerance,
+            selected=None if selected is None else selected[:, None],
         )[0]
 
     def peak_maps(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from weld_force_ros.errors import NumericalError
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.batch import Batch, make_batch, passage_starts
+from weld_force_ros.physics.passage.batch import Batch, Selection, make_batch, passage_starts
 from weld_force_ros.physics.passage.lowpass import CUTOFFS_HZ
 from weld_force_ros.physics.passage.steady_state import SteadyStateSolver
 from weld_force_ros.physics.passage.wheel_path import WheelPath
@@ -70,19 +70,37 @@ class PeakMapSolver:
         *,
         low_passed: bool = False,
         tolerance: float = TOLERANCE,
+        selected: Selection | None = None,
     ) -> list[PeakMap]:
-        """Return maps as `VehicleTrackModel.peak_map`, of several welds, which fill each other's lanes."""
+        """Return maps as `VehicleTrackModel.peak_map`, of several welds, which fill each other's lanes.
+
+        Args:
+            wheel_paths: over the welds.
+            speeds_kmh: (n_speed,).
+            positions_m: (n_weld, n_position), or (n_position,) of all.
+            threads: that compute.
+            on_speed: called for each speed that is done.
+            low_passed: also the greatest forces through filters.
+            tolerance: of the peak force, that the steps' length may cost.
+            selected: (n_speed, n_weld, n_position), what is simulated; the rest is NaN.
+
+        Raises:
+            NumericalError: a passage did not stay finite.
+        """
+        positions = np.broadcast_to(positions_m, (len(wheel_paths), np.shape(positions_m)[-1]))
+        shape = (len(speeds_kmh), positions.size)
+        chosen = np.ones(shape, dtype=bool) if selected is None else selected.reshape(shape)
         order = np.argsort(speeds_kmh)  # neighbours are simulated together, as they take as long
         cutoffs_hz = CUTOFFS_HZ if low_passed else ()
-        places = len(wheel_paths) * len(positions_m)
-        results = np.empty((len(speeds_kmh), places, _UNFILTERED + len(cutoffs_hz)))
+        results = np.empty((*shape, _UNFILTERED + len(cutoffs_hz)))
         with executor(threads) as pool:
             for first in range(0, len(order), _SPEEDS_AT_ONCE):
                 rows = order[first : first + _SPEEDS_AT_ONCE]
                 results[rows] = self._solve_speeds(
-                    wheel_paths, speeds_kmh[rows], positions_m, cutoffs_hz, tolerance, on_speed, pool, threads
-                )
-        if not np.all(np.isfinite(results)):
+                    wheel_paths, speeds_kmh[rows], positions, chosen[rows], cutoffs_hz, tolerance, on_speed, pool,
+                    threads,
+                )  # fmt: skip
+        if not np.all(np.isfinite(results[chosen])):
             raise NumericalError("a passage did not stay finite; the fit of this track cannot be used at that speed")
         return [PeakMap.of(part) for part in np.split(results, len(wheel_paths), axis=1)]
 
@@ -91,6 +109,7 @@ class PeakMapSolver:
         wheel_paths: Sequence[WheelPath],
         speeds_kmh: FloatArray,
         positions_m: FloatArray,
+        chosen: Selection,
         cutoffs_hz: tuple[float, ...],
         tolerance: float,
         on_speed: Callable[[], None],
@@ -99,8 +118,8 @@ class PeakMapSolver:
     ) -> FloatArray:
         """Return (n_speed, n_place, 4 + n_filter), speeds increasing; each in the longest stride that serves."""
         coarsest = np.array([self._solver.coarsest_stride(speed) for speed in speeds_kmh])
-        wanted = np.repeat(coarsest[:, None], len(wheel_paths) * len(positions_m), axis=1)
-        results = np.empty((*wanted.shape, 6 + len(cutoffs_hz)))
+        wanted = np.where(chosen, coarsest[:, None], 0)
+        results = np.full((*wanted.shape, 6 + len(cutoffs_hz)), np.nan)
         while wanted.any():
             stride = int(wanted.max())
             able = coarsest >= stride  # the same speeds whatever is selected, so that their tables serve again
