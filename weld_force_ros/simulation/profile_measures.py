@@ -57,17 +57,19 @@ def sampled_measures(
         nominal: whose straightedges are read.
         pool: that computes.
     """
+    different, which = np.unique(geometries_m, axis=0, return_inverse=True)  # of an exact profile all are the same
     gradients, gaps, inclinations, steps = (
-        list(pool.map(partial(measure, x_m), geometries_m))
+        np.array(list(pool.map(partial(measure, x_m), different)))[which]
         for measure in (largest_gradient, straightedge_gap, largest_inclination, largest_step)
     )
-    readings = list(pool.map(partial(_all_readings, x_m), geometries_m))
+    found = list(pool.map(partial(_all_readings, x_m), different))
+    readings = [found[number] for number in which]
     bases = [] if isinstance(nominal, UnsetType) else [edge.base_m for edge in nominal.edges]
     return {
-        "gradient_rad": rounded(np.array(gradients), _DECIMALS),
-        "straightedge_m": rounded(np.array(gaps), _DECIMALS),
-        "inclination_rad": rounded(np.array(inclinations), _DECIMALS),
-        "step_m": rounded(np.array(steps), _DECIMALS),
+        "gradient_rad": rounded(gradients, _DECIMALS),
+        "straightedge_m": rounded(gaps, _DECIMALS),
+        "inclination_rad": rounded(inclinations, _DECIMALS),
+        "step_m": rounded(steps, _DECIMALS),
         "edge_base_m": bases,
         "edge_peak_m": rounded(np.array([[of[base].peak_m for of in readings] for base in bases]), _DECIMALS),
         "edge_dip_m": rounded(np.array([[of[base].dip_m for of in readings] for base in bases]), _DECIMALS),

@@ -29,6 +29,23 @@ def dilate(surface, half, circle, wheel_radius_m, step_m, out):
 
 
 @compiled(nogil=True)
+def average(surface, weight, out):
+    """Fill `out` (n,) with `surface` (n + 2 half,) averaged by symmetric weights (half + 1,), the first in the middle.
+
+    Chunk by chunk, so that sums stay in registers or near them.
+    """
+    half = weight.shape[0] - 1
+    for first in range(0, out.shape[0], _CHUNK):
+        chunk = out[first : first + _CHUNK]
+        count = chunk.shape[0]
+        chunk[:] = weight[0] * surface[first + half : first + half + count]
+        for k in range(1, half + 1):
+            share, before, after = weight[k], surface[first + half - k :], surface[first + half + k :]
+            for i in range(count):
+                chunk[i] += share * (before[i] + after[i])
+
+
+@compiled(nogil=True)
 def sampled_locally(heights, step_m, firsts_m, apart_m, rows):
     """Fill `rows` (n_path, n_row, n) with heights (n_path, n_height) every `apart_m` from `firsts_m` (n_row,) on.
 

@@ -126,7 +126,9 @@ class LaneTables:
             initial_states=np.tile(initial, (repeats, 1, 1)),
             starts=np.tile(np.repeat(places.starts[:, None] // self._stride, 2, axis=1), (repeats, 1)),
             ends=np.tile(np.repeat(places.ends[:, None], 2, axis=1), (repeats, 1)),
-            irregularity_m=np.ascontiguousarray(places.irregularity_m.reshape(-1, longest)),  # one layout: compiled once
+            irregularity_m=np.ascontiguousarray(
+                places.irregularity_m.reshape(-1, longest)
+            ),  # one layout: compiled once
             rows=(own * count + np.arange(count)[:, None]).reshape(-1, _SAMPLES),
         )
 

@@ -109,6 +109,9 @@ class WheelPathRoller:
         self._z_m = self._z_m[:, (0 if ends[0] > 0 else 100) : (None if ends[1] > 0 else -100)]
         self._radii_m = wheel_radius_m
         self._patch_m = patch_half_length_m
+        if patch_half_length_m > 0.0:
+            weight = _patch_weight(RESAMPLED_STEP_M, patch_half_length_m)
+            self._weight = weight[len(weight) // 2 :]
         self._reaches_m = [_reach(float(np.ptp(z)), radius) for z, radius in zip(self._z_m, self._radii_m, strict=True)]
         beyond = max(self._reaches_m) + patch_half_length_m
         first = np.floor((self._x_m[0] - beyond) / RESAMPLED_STEP_M) - 2
@@ -122,7 +125,7 @@ class WheelPathRoller:
         _sampled_path.resample_monotone(self._x_m, self._z_m[samples], self._grid_m, paths)
         for path, sample in zip(paths, samples.tolist(), strict=True):
             if self._patch_m > 0.0:
-                path[:] = averaged_over_patch(path, RESAMPLED_STEP_M, self._patch_m)
+                _sampled_path.average(np.pad(path, len(self._weight) - 1), self._weight, path)
             half, radius = int(np.ceil(self._reaches_m[sample] / RESAMPLED_STEP_M)), float(self._radii_m[sample])
             s = RESAMPLED_STEP_M * np.arange(-half, half + 1)
             circle = np.sqrt(radius**2 - s**2) - radius
@@ -135,10 +138,14 @@ def averaged_over_patch(surface_m: FloatArray, step_m: float, half_length_m: flo
 
     The weight is 1 - (s/a)^2 over the half length a: Hertz' pressure in an elliptic patch, summed across the rail.
     """
+    return np.asarray(np.convolve(surface_m, _patch_weight(step_m, half_length_m), mode="same"))
+
+
+def _patch_weight(step_m: float, half_length_m: float) -> FloatArray:
     half = int(np.floor(half_length_m / step_m))
     s = step_m * np.arange(-half, half + 1)
     weight = np.maximum(1 - (s / half_length_m) ** 2, 0.0)
-    return np.asarray(np.convolve(surface_m, weight / weight.sum(), mode="same"))
+    return np.asarray(weight / weight.sum())
 
 
 def dilated_by_wheel(surface_m: FloatArray, step_m: float, wheel_radius_m: float) -> FloatArray:
