@@ -15,6 +15,7 @@ from weld_force_ros.errors import InputError
 from weld_force_ros.messages import (
     AssessmentSettings,
     Criterion,
+    Decision,
     ForceHistory,
     ForceMap,
     UncertaintyResult,
@@ -61,6 +62,29 @@ def assess(profile: WeldProfile, simulator: Simulates, limits: AssessmentSetting
     return Assessment(force_map, _history(profile, simulator, relevant, verdict.criteria), verdict)
 
 
+def assess_vehicles(profile: WeldProfile, simulators: Sequence[Simulates], limits: AssessmentSettings) -> Assessment:
+    """Simulate a weld under each of several vehicles and judge it by the one that decides.
+
+    That is the one whose decision is the gravest; of equal ones, that with the highest probability of exceeding a force
+    limit, then with the highest peak relative to its static load.
+
+    Raises:
+        NumericalError: a passage did not stay finite.
+        InputError: no limit holds for a line of that speed.
+    """
+    return max((assess(profile, simulator, limits) for simulator in simulators), key=_gravity)
+
+
+_GRAVITY: tuple[Decision, ...] = ("accept", "undecided", "grind", "reject")
+
+
+def _gravity(assessment: Assessment) -> tuple[int, float, float]:
+    verdict = assessment.verdict
+    force = known(verdict.force)
+    exceeding = known(force.exceeding) if force is not None else None
+    return _GRAVITY.index(verdict.decision), exceeding or 0.0, verdict.peak_force_n / verdict.static_load_n
+
+
 def judge(force_map: ForceMap, limits: AssessmentSettings) -> Verdict:
     """Return the verdict on a force map.
 
@@ -90,6 +114,7 @@ def judge_relevant(relevant: RelevantMap, limits: AssessmentSettings) -> Verdict
         static_load_n=force_map.static_load_n,
         chainage_m=force_map.chainage_m,
         rail=force_map.rail,
+        vehicle=force_map.vehicle,
         geometry_kind=UNSET if isinstance(force_map.measures, UnsetType) else force_map.measures.kind,
         samples=len(force_map.spread.support_factor) if isinstance(force_map.spread, UncertaintyResult) else 0,
         **asdict(evaluation),

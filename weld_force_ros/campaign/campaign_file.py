@@ -11,7 +11,7 @@ from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement.instruments import InstrumentFormat, format_of
 from weld_force_ros.messages import AssessmentSettings, Name, SimulationSettings, legible
-from weld_force_ros.simulation import track_file
+from weld_force_ros.simulation import track_file, vehicle_file
 from weld_force_ros.simulation.settings import (
     DEFAULT_POSITIONS,
     DEFAULT_SPEEDS,
@@ -53,6 +53,7 @@ class SourceEntry(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class _Vehicle(msgspec.Struct, forbid_unknown_fields=True):
+    vehicle: str | None = None
     mass_kg: float | None = None
     static_load_n: float | None = None
     radius_m: float | None = None
@@ -148,6 +149,7 @@ def read(path: Path) -> Campaign:
 def _section(section: _SectionEntry, file: _CampaignFile, folder: Path, path: Path) -> NetworkSection:
     vehicles = file.vehicles or {OWN_WHEEL: _Vehicle()}
     chosen = list(vehicles) if section.vehicles is None else section.vehicles
+    vehicles = {name: _Vehicle(vehicle=name) for name in vehicle_file.bundled()} | vehicles
     if unknown := [name for name in chosen if name not in vehicles]:
         raise InputError(
             f"campaign {path}, section {section.name}: vehicle {unknown[0]} is not described", "add it to `vehicles`"
@@ -167,6 +169,7 @@ def _settings(track: str, vehicle: _Vehicle, file: _CampaignFile, folder: Path) 
         engine=file.engine,
         speeds_kmh=parse_speeds(speeds) if isinstance(speeds, str) else speeds,
         positions=parse_positions(positions) if isinstance(positions, str) else positions,
+        vehicle=vehicle.vehicle,
         wheel_mass_kg=vehicle.mass_kg,
         static_load_n=vehicle.static_load_n,
         wheel_radius_m=vehicle.radius_m,

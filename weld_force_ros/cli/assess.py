@@ -34,7 +34,10 @@ def assess(
     report: Annotated[Path | None, typer.Option(help="Also write the report page (HTML).")] = None,
     json: Json = None,
 ) -> None:
-    """Judge measured welds: what to do with each, and why; exit code 1 if a weld is not accepted."""
+    """Judge measured welds: what to do with each, and why; exit code 1 if a weld is not accepted.
+
+    Of several vehicles, --vehicle passenger,freight-22.5t, the one that decides is named.
+    """
     from weld_force_ros.assessment import judge
     from weld_force_ros.assessment.rule_books import load_limits
     from weld_force_ros.cli import terminal
@@ -43,8 +46,11 @@ def assess(
     from weld_force_ros.simulation.simulator import Simulator
 
     chosen = dataclasses.replace(uncertainty, uncertainty_samples=uncertainty.samples_or_default)
-    settings, applied = simulation.settings(chosen.uncertainty_of_settings()), load_limits(limits)
-    simulator, form = Simulator(settings, on_fit=terminal.say), measurement.form()
+    unknown, applied, form = chosen.uncertainty_of_settings(), load_limits(limits), measurement.form()
+    vehicles = [None] if simulation.vehicle is None else simulation.vehicle.split(",")
+    settings = [dataclasses.replace(simulation, vehicle=vehicle).settings(unknown) for vehicle in vehicles]
+    simulators = [Simulator(one, on_fit=terminal.say) for one in settings]
+    settings_by_sha256 = {one.config_sha256: one for one in settings}
     records: list[Record] = []
     with json_output.lines(json) as out, terminal.progress() as bar:
         for name in bar.track(profiles, description="assessing"):
@@ -57,16 +63,15 @@ def assess(
                 continue
             for weld in welds:
                 try:
-                    assessed = judge.assess(weld, simulator, applied)
+                    assessed = judge.assess_vehicles(weld, simulators, applied)
                 except WeldForceError as error:
                     rejection = _rejection(name, error)
                     json_output.write(out, rejection)
                     records.append(RejectedRecord(rejection))
                     continue
                 json_output.write(out, assessed.verdict)
-                records.append(
-                    WeldRecord(assessed.verdict, assessed.force_map, weld, assessed.history, settings, applied)
-                )
+                own = settings_by_sha256[assessed.verdict.config_sha256]
+                records.append(WeldRecord(assessed.verdict, assessed.force_map, weld, assessed.history, own, applied))
     verdicts = [record.verdict for record in records if isinstance(record, WeldRecord)]
     rejections = [record.rejection for record in records if isinstance(record, RejectedRecord)]
     terminal.show_verdicts(verdicts, rejections)

@@ -40,6 +40,10 @@ class SimulationOptions:
     track: Annotated[
         str | None, typer.Option(help="A bundled track or the path of a track file (YAML); default: bilbao.")
     ] = None
+    vehicle: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", help="A bundled vehicle or a vehicle file; default: the track's wheel."),
+    ] = None
     engine: Annotated[str | None, typer.Option(help="How the track is represented in time; default: common-poles.")] = (
         None
     )

@@ -301,6 +301,7 @@ class Verdict(Message, kw_only=True):
     force: Answer | UnsetType = UNSET
     measure_next: Text | UnsetType = UNSET
     accepted_risk: Annotated[float, Meta(gt=0.0, lt=0.5)] | UnsetType = UNSET
+    vehicle: Annotated[Name, Meta(description="that decides")] | UnsetType = UNSET
 
 
 class GrindingAdvice(Message, kw_only=True):

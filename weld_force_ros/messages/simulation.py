@@ -79,6 +79,7 @@ class SimulationSettings(Message, kw_only=True):
     static_load_n: Annotated[float, Meta(description="N", gt=0.0)]
     wheel_radius_m: Annotated[float, Meta(description="m", gt=0.05, lt=2.0)]
     hertz_n_per_m15: Annotated[float, Meta(description="N/m^1.5", gt=0.0)]
+    vehicle: Name | UnsetType = UNSET
     contact_patch_m: (
         Annotated[
             float,
@@ -178,6 +179,7 @@ class ForceMap(Message, kw_only=True):
         | UnsetType
     ) = UNSET
     pad_n_per_m: Annotated[float, Meta(description="N/m, stiffness of the track's pads", gt=0.0)] | UnsetType = UNSET
+    vehicle: Name | UnsetType = UNSET
     elapsed_s: Seconds
     p2_force_n: (
         Annotated[Cells, Meta(description="N, largest force below 120 Hz (causal Butterworth low pass, 4th order)")]

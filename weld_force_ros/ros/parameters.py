@@ -62,6 +62,7 @@ PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
         NodeParameter("z_unit", "", f"unit of the heights {_UNIT}"),
         NodeParameter("z_positive", "", "up or down: what a positive height means in files that do not state it"),
         NodeParameter("spacing", 0.0, "distance of samples in x_unit, for files of heights only", 0.0, 1e6),
+        NodeParameter("line_speed_kmh", 0.0, "line speed of files that do not state it; 0: unknown", 0.0, 600.0),
         NodeParameter("skip_rows", 0, "lines to skip at the top of each file", 0, 100_000),
         NodeParameter("rail", "", "name of the rail that a live trolley measures, such as left"),
         NodeParameter("detect_welds", False, "look for welds in the live rail surface, beside those that are marked"),
@@ -77,6 +78,7 @@ PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
     "simulator_node": (
         _AUTOSTART,
         NodeParameter("track", "bilbao", "a bundled track, or the path of a track file (YAML)"),
+        NodeParameter("vehicle", "", "a bundled vehicle, or the path of a vehicle file; empty: the track's wheel"),
         NodeParameter("engine", "common-poles", "common-poles, rfp or reference"),
         NodeParameter("speeds", "20:300:5", "speeds in km/h: first:last:step, or a list", live=True, is_list=True),
         NodeParameter(
@@ -192,6 +194,7 @@ def settings_from_parameters(values: Mapping[str, Any]) -> SimulationSettings:
     wheel = ("wheel_mass_kg", "static_load_n", "wheel_radius_m", "hertz_n_per_m15")
     return simulation_settings(
         track=given["track"],
+        vehicle=given["vehicle"] or None,
         engine=given["engine"],
         speeds_kmh=parse_speeds(_list_text(given["speeds"])),
         positions=parse_positions(_list_text(given["positions"])),

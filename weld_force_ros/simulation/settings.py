@@ -21,7 +21,7 @@ from weld_force_ros.messages import (
     legible,
 )
 from weld_force_ros.physics.passage.wheel import Wheel
-from weld_force_ros.simulation import track_file
+from weld_force_ros.simulation import track_file, vehicle_file
 
 DEFAULT_SPEEDS = "20:300:5"
 DEFAULT_POSITIONS = "15"
@@ -75,6 +75,7 @@ def parse_positions(text: str) -> int | list[float]:
 def simulation_settings(
     *,
     track: str = "bilbao",
+    vehicle: str | None = None,
     engine: str = "common-poles",
     speeds_kmh: Sequence[float] | None = None,
     positions: int | Sequence[float] = int(DEFAULT_POSITIONS),
@@ -85,10 +86,11 @@ def simulation_settings(
     contact_patch: str = "on",
     uncertainty: Uncertainty | None = None,
 ) -> SimulationSettings:
-    """Complete and check the settings of a simulation; what is not given for the wheel is the track file's.
+    """Complete and check the settings of a simulation; what is not given for the wheel is the vehicle's.
 
     Args:
         track: a shipped track's name or the path of a track file.
+        vehicle: a bundled vehicle's name or the path of a vehicle file; the wheel of the track file if not given.
         engine: how the track is represented in time.
         speeds_kmh: increasing; default 20 to 300 in steps of 5.
         positions: number of equal steps over the span, or metres after the sleeper.
@@ -105,8 +107,9 @@ def simulation_settings(
     if engine not in ENGINES:
         raise InputError(f"engine {engine!r} is not available", f"use {', '.join(ENGINES)}")
     definition = track_file.load(track)
+    chosen = None if vehicle is None else vehicle_file.load(vehicle)
     wheel = _wheel(
-        definition.wheel,
+        definition.wheel if chosen is None else chosen.on(definition.wheel),
         mass_kg=wheel_mass_kg,
         static_load_n=static_load_n,
         radius_m=wheel_radius_m,
@@ -120,6 +123,7 @@ def simulation_settings(
         config_sha256="0" * 64,
         track=definition.track.name,
         track_definition=definition.text,
+        vehicle=UNSET if chosen is None else chosen.name,
         engine=cast(Engine, engine),
         speeds_kmh=list(map(float, speeds_kmh)) if speeds_kmh is not None else parse_speeds(DEFAULT_SPEEDS),
         positions_m=list(map(float, at)),

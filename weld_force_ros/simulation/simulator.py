@@ -151,6 +151,7 @@ class Simulator:
             span_m=self._span_m,
             model_error=round(self._model_error, 6),
             pad_n_per_m=self._pad_n_per_m,
+            vehicle=settings.vehicle,
             measures=profile_measures(profile),
             elapsed_s=0.0,
             line_speed_kmh=profile.line_speed_kmh,

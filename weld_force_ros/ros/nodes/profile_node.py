@@ -21,7 +21,7 @@ from weld_force_ros.ros.nodes.folder_watcher import FolderWatcher
 from weld_force_ros.ros.nodes.trolley_input import TrolleyInput
 
 _READ_AT_ONCE = 16  # files
-_STATEMENTS = ("format", "noise", "x_unit", "z_unit", "z_positive", "spacing", "skip_rows")
+_STATEMENTS = ("format", "noise", "x_unit", "z_unit", "z_positive", "line_speed_kmh", "spacing", "skip_rows")
 
 
 class ProfileNode(LifecycleNodeBase):
