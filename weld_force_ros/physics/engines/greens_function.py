@@ -26,7 +26,7 @@ engines/test_greens_function.py` halves step and grid, widens band and window, a
 the figures stand there.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -36,7 +36,7 @@ from numpy.typing import ArrayLike, NDArray
 from weld_force_ros.errors import NumericalError
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.physics.passage import _convolution, lowpass
-from weld_force_ros.physics.passage.passage import History, checked_axis, checked_speeds
+from weld_force_ros.physics.passage.passage import History, checked_axis, checked_positions, checked_speeds
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import WheelPath
@@ -113,9 +113,21 @@ class GreensFunctionModel:
         """Return peaks as `VehicleTrackModel.peak_map` does."""
         return self.peak_maps([wheel_path], speeds_kmh, positions_m, low_passed=low_passed, on_speed=on_speed)[0]
 
+    def maps_of_few(
+        self,
+        wheel_paths: Sequence[WheelPath],
+        speeds_kmh: ArrayLike,
+        positions_m: FloatArray,
+        *,
+        low_passed: bool = False,
+        on_speed: Callable[[], None] = lambda: None,
+    ) -> list[PeakMap]:
+        """Return peaks as `VehicleTrackModel.maps_of_few` does."""
+        return self.peak_maps(wheel_paths, speeds_kmh, positions_m, low_passed=low_passed, on_speed=on_speed)
+
     def peak_maps(
         self,
-        wheel_paths: list[WheelPath],
+        wheel_paths: Sequence[WheelPath],
         speeds_kmh: ArrayLike,
         positions_m: ArrayLike,
         *,
@@ -123,9 +135,10 @@ class GreensFunctionModel:
         on_speed: Callable[[], None] = lambda: None,
     ) -> list[PeakMap]:
         """Return peak maps of several welds, which share the responses of each speed; see `peak_map`."""
-        speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
+        speeds, given = checked_speeds(speeds_kmh), checked_positions(positions_m)
+        positions = np.broadcast_to(given, (len(wheel_paths), given.shape[-1]))
         filters = len(lowpass.CUTOFFS_HZ) if low_passed else 0
-        results = np.empty((len(wheel_paths), len(speeds), len(positions), 4 + filters))
+        results = np.empty((len(wheel_paths), len(speeds), positions.shape[1], 4 + filters))
         with executor(self._threads) as pool:
             for row, speed in enumerate(speeds):
                 responses = self._responses(speed, pool)
@@ -134,12 +147,12 @@ class GreensFunctionModel:
                     cell: tuple[int, int], responses: _Responses = responses, row: int = row, speed: float = speed
                 ) -> None:
                     weld, column = cell
-                    passage = self._over_weld(responses, wheel_paths[weld], speed, positions[column])
+                    passage = self._over_weld(responses, wheel_paths[weld], speed, positions[weld, column])
                     results[weld, row, column, :4] = _peak(passage, responses.dt)
                     if low_passed:
                         results[weld, row, column, 4:] = _greatest_low_passed(passage, responses.dt)
 
-                list(pool.map(peak, np.ndindex(len(wheel_paths), len(positions))))
+                list(pool.map(peak, np.ndindex(*positions.shape)))
                 on_speed()
         if not np.all(np.isfinite(results)):
             raise NumericalError("a passage did not stay finite; the reference cannot follow this track")

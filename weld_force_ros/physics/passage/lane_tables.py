@@ -5,6 +5,7 @@ lanes are four samples of one weld, so that a register is filled by what is want
 longest stride: what that leaves out is in the batches of `weld_force_ros.physics.passage.peak_map` held to a tolerance.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -176,6 +177,19 @@ def _in_lanes(table: NDArray[Any], speeds: SpeedChoice) -> NDArray[Any]:
 
 def _side_by_side(table: NDArray[Any], speeds: SpeedChoice) -> NDArray[Any]:
     return np.ascontiguousarray(np.moveaxis(table[speeds], 1, -1))
+
+
+def joined_places(parts: Sequence[Places]) -> Places:
+    """Return places over the same samples one after the other."""
+    longest = max(part.irregularity_m.shape[2] for part in parts)
+    padded = [
+        np.pad(part.irregularity_m, ((0, 0), (0, 0), (0, longest - part.irregularity_m.shape[2]))) for part in parts
+    ]
+    return Places(
+        np.concatenate([part.starts for part in parts]),
+        np.concatenate([part.ends for part in parts]),
+        np.concatenate(padded, axis=1),
+    )
 
 
 def places_over(

@@ -1,7 +1,7 @@
 """Passages of a wheel over a weld on a fitted track, checked: their peaks over speed and position, or one in full."""
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sized
+from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -93,17 +93,35 @@ class VehicleTrackModel:
             InputError: a speed that is not positive, or anything that is not finite.
             NumericalError: the passage did not stay finite.
         """
-        speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
-        return self._peak_maps.solve(
+        return self.maps_of_few(
             [wheel_path],
-            speeds,
-            positions,
-            self._threads,
-            on_speed,
+            speeds_kmh,
+            checked_axis("position", positions_m)[None],
             low_passed=low_passed,
             tolerance=tolerance,
+            on_speed=on_speed,
             selected=None if selected is None else selected[:, None],
         )[0]
+
+    def maps_of_few(
+        self,
+        wheel_paths: Sequence[WheelPath],
+        speeds_kmh: ArrayLike,
+        positions_m: FloatArray,
+        *,
+        low_passed: bool = False,
+        tolerance: float = TOLERANCE,
+        on_speed: Callable[[], None] = lambda: None,
+        selected: Selection | None = None,
+    ) -> list[PeakMap]:
+        """Return the maps of a few paths at positions of their own, (n_path, n_position), all threads on each speed.
+
+        `selected` is (n_speed, n_path, n_position); else see `peak_map`.
+        """
+        return self._peak_maps.solve(
+            wheel_paths, checked_speeds(speeds_kmh), checked_positions(positions_m), self._threads, on_speed,
+            low_passed=low_passed, tolerance=tolerance, selected=selected,
+        )  # fmt: skip
 
     def peak_maps(
         self,
@@ -119,7 +137,7 @@ class VehicleTrackModel:
         Args:
             wheel_paths: taken as they are needed.
             speeds_kmh: (n_speed,), positive.
-            positions_m: (n_position,), the weld's centre after the sleeper.
+            positions_m: (n_position,), the weld's centre after the sleeper; or (n_path, n_position), of each.
             low_passed: as of `peak_map`.
             tolerance: as of `peak_map`.
 
@@ -127,12 +145,15 @@ class VehicleTrackModel:
             InputError: a speed that is not positive, or anything that is not finite.
             NumericalError: a passage did not stay finite.
         """
-        speeds, positions = checked_speeds(speeds_kmh), checked_axis("position", positions_m)
+        speeds, positions = checked_speeds(speeds_kmh), checked_positions(positions_m)
         solve = partial(self._peak_maps.solve, low_passed=low_passed, tolerance=tolerance)
         with executor(self._threads) as pool:
             waiting: deque[Future[list[PeakMap]]] = deque()
+            taken = 0
             for some in _some_at_a_time(wheel_paths, self._threads):
-                waiting.append(pool.submit(solve, some, speeds, positions, 1))
+                own = positions if positions.ndim == 1 else positions[taken : taken + len(some)]
+                taken += len(some)
+                waiting.append(pool.submit(solve, some, speeds, own, 1))
                 if len(waiting) > self._threads:
                     yield from waiting.popleft().result()
             for some_maps in waiting:
@@ -188,6 +209,13 @@ def checked_speeds(values: ArrayLike) -> FloatArray:
     if np.any(speeds <= 0):
         raise InputError("a speed is not positive", "give speeds in km/h above 0")
     return speeds
+
+
+def checked_positions(positions_m: ArrayLike) -> FloatArray:
+    """Return positions (n_position,), or (n_path, n_position) of each path, as an array, or raise an InputError."""
+    positions = np.asarray(positions_m, dtype=np.float64)
+    checked = checked_axis("position", positions.ravel())
+    return checked.reshape(positions.shape) if positions.ndim == 2 else checked
 
 
 def checked_axis(name: str, values: ArrayLike) -> FloatArray:

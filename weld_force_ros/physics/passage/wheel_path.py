@@ -50,6 +50,11 @@ class WheelPath:
         first, last = (uneven[0] - 1, uneven[-1] + 1) if len(uneven) else (0, 0)
         return self.start_m + RESAMPLED_STEP_M * max(first, 0), self.start_m + RESAMPLED_STEP_M * last
 
+    @cached_property
+    def mirrored(self) -> "WheelPath":
+        """Return the path as it is met in the opposite direction."""
+        return WheelPath(-self.end_m, self.height_m[::-1].copy(), self.conditioning)
+
     def at(self, x_m: FloatArray) -> FloatArray:
         """Return the height at any distances from the weld's centre, shape of `x_m`: cubic spline, zero outside."""
         inside = (x_m > self.start_m) & (x_m < self.end_m)
