@@ -270,7 +270,7 @@ def _bare(processes: int) -> float:
 
 
 def _kernel_rate(part: int) -> float:
-    settings = simulation_settings(speeds_kmh=parse_speeds(_SPEEDS), positions=_POSITIONS)
+    settings = simulation_settings(speeds_kmh=parse_speeds(_SPEEDS), positions=_POSITIONS, running="with")
     simulator = Simulator(settings, threads=1, curves=False)
     wheel_paths = [simulator.wheel_path(weld) for weld in synthetic_network.network(_KERNEL_WELDS, seed=1)]
 

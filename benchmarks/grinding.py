@@ -72,7 +72,7 @@ def advised(adviser: Adviser, profile: WeldProfile, limit_n: float) -> GrindingA
 def main(tracks: list[str]) -> None:
     limits = load_limits()
     for track in tracks:
-        settings = simulation_settings(track=track)
+        settings = simulation_settings(track=track, running="with")
         print(f"\n{track}; steps of the search, passages by the reference within limits\n{HEADING}")
         shipped = Adviser(settings, limits)
         shipped.advise(read_profile(find("weld-5-ramp-protrusion")))  # machine code and tables

@@ -119,7 +119,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=25)
     seeds = parser.parse_args().seeds
-    settings = simulation_settings(track="bilbao-viscous", speeds_kmh=parse_speeds("20:200:10"), positions=4)
+    settings = simulation_settings(
+        track="bilbao-viscous", speeds_kmh=parse_speeds("20:200:10"), positions=4, running="with"
+    )
     simulator = Simulator(settings, curves=False)
     for spacing_m, noise_m in ((5e-3, 1e-5), (1e-3, 1e-5), (5e-3, 2e-5), (1e-3, 2e-5)):
         table(simulator, spacing_m, noise_m, seeds)

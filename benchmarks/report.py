@@ -30,7 +30,7 @@ SIZES: dict[str, dict[str, Any]] = {
 
 def report() -> str:
     """500 welds of the full grid with probabilities: the shipped profiles in turn."""
-    simulator = Simulator(simulation_settings(uncertainty=load_uncertainty(4)))
+    simulator = Simulator(simulation_settings(uncertainty=load_uncertainty(4), running="with"))
     limits = load_limits()
     welds = []
     for name in shipped():

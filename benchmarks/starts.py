@@ -34,7 +34,7 @@ from weld_force_ros.measurement import profile_file
 from weld_force_ros.simulation.settings import parse_speeds, simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
 laps.append(time.perf_counter())
-simulator = Simulator(simulation_settings(speeds_kmh=parse_speeds({SPEEDS!r}), positions={POSITIONS}))
+simulator = Simulator(simulation_settings(speeds_kmh=parse_speeds({SPEEDS!r}), positions={POSITIONS}, running='with'))
 profile = profile_file.read_profile(profile_file.find({_WELD!r}))
 laps.append(time.perf_counter())
 simulator.force_map(profile)

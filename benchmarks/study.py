@@ -61,7 +61,9 @@ class Study:
 
 def study(engine: str = "common-poles") -> Study:
     """Return the study with an engine."""
-    settings = simulation_settings(track=TRACK, engine=engine, speeds_kmh=parse_speeds(SPEEDS), positions=POSITIONS)
+    settings = simulation_settings(
+        track=TRACK, engine=engine, speeds_kmh=parse_speeds(SPEEDS), positions=POSITIONS, running="with"
+    )
     simulator = Simulator(settings)
     welds = {name: profile_file.read_profile(profile_file.find(name)) for name in WELDS}
     return Study(simulator, welds, {name: simulator.wheel_path(weld) for name, weld in welds.items()})

@@ -41,7 +41,7 @@ def main() -> None:
     if stated is None:
         parser.error("--samples is 0")
     unknown = with_fields(stated, design="quasi-random")
-    settings = simulation_settings(speeds_kmh=SPEEDS_KMH, positions=POSITIONS, uncertainty=unknown)
+    settings = simulation_settings(speeds_kmh=SPEEDS_KMH, positions=POSITIONS, uncertainty=unknown, running="with")
     # The bundled shapes are exact: without that statement their samples differ by noise, as measured ones do.
     profiles = [with_fields(read_profile(find(name)), noise=UNSET) for name in shipped()]
     _print_times(settings, profiles)
@@ -51,7 +51,7 @@ def main() -> None:
 
 def _print_times(settings: SimulationSettings, profiles: list[WeldProfile]) -> None:
     limits = load_limits()
-    plain = Simulator(simulation_settings(speeds_kmh=SPEEDS_KMH, positions=POSITIONS))
+    plain = Simulator(simulation_settings(speeds_kmh=SPEEDS_KMH, positions=POSITIONS, running="with"))
     sampled = Simulator(settings)
     print("milliseconds from profile to verdict, median of 5: map and curve; with samples; what they add")
     for profile in profiles:

@@ -18,8 +18,8 @@ def main() -> None:
     """Print a line a weld; the second weld on is warm."""
     limits = load_limits()
     settings = {"speeds_kmh": SPEEDS_KMH, "positions": 15}
-    plain = Simulator(simulation_settings(**settings))
-    sampled = Simulator(simulation_settings(**settings, uncertainty=load_uncertainty(SAMPLES)))
+    plain = Simulator(simulation_settings(**settings, running="with"))
+    sampled = Simulator(simulation_settings(**settings, running="with", uncertainty=load_uncertainty(SAMPLES)))
     profiles = [read_profile(find(name)) for name in shipped()]
     print(f"{SAMPLES} samples x {len(SPEEDS_KMH)} speeds x 15 positions; seconds from profile to verdict")
     for warming, profile in enumerate([profiles[0], *profiles]):

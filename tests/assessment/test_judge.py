@@ -45,7 +45,9 @@ def profile(depth_m: float = 0.1e-3, **known: float | str) -> WeldProfile:
 
 @pytest.fixture(scope="module")
 def simulator() -> Simulator:
-    return Simulator(simulation_settings(track="johansson-nielsen", speeds_kmh=SPEEDS, positions=POSITIONS))
+    return Simulator(
+        simulation_settings(track="johansson-nielsen", speeds_kmh=SPEEDS, positions=POSITIONS, running="with")
+    )
 
 
 @pytest.fixture(scope="module")
@@ -196,7 +198,9 @@ def test_map_carries_what_is_known_of_the_weld(simulator: Simulator):
 
 
 def test_map_is_row_major_in_speed(simulator: Simulator, force_map: ForceMap):
-    alone = Simulator(simulation_settings(track="johansson-nielsen", speeds_kmh=[90.0], positions=[0.4]))
+    alone = Simulator(
+        simulation_settings(track="johansson-nielsen", speeds_kmh=[90.0], positions=[0.4], running="with")
+    )
     assert alone.force_map(profile()).peak_force_n == [force_map.peak_force_n[1 * 3 + 2]]
 
 

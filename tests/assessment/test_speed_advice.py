@@ -92,7 +92,7 @@ def as_profile(weld: SyntheticWeld) -> WeldProfile:
 @pytest.mark.slow
 def test_advice_is_what_trying_every_speed_gives():
     """Seeded welds, each with a limit that its curve meets; every whole km/h simulated, then looked at."""
-    simulator = Simulator(simulation_settings(track="bilbao-viscous", positions=2))
+    simulator = Simulator(simulation_settings(track="bilbao-viscous", positions=2, running="with"))
     vehicle_track = Simulator(simulator.settings).vehicle_track
     speeds = np.arange(20.0, 301.0)
     humps = 0
@@ -116,7 +116,9 @@ def test_curve_counts_only_positions_that_can_be():
     weld = next(population(1, seed=3))
     profile = as_profile(weld)
     profile.weld_position_m, profile.line_speed_kmh = 0.12, 100.0
-    simulator = Simulator(simulation_settings(track="bilbao-viscous", speeds_kmh=[40.0, 100.0, 130.0], positions=5))
+    simulator = Simulator(
+        simulation_settings(track="bilbao-viscous", speeds_kmh=[40.0, 100.0, 130.0], positions=5, running="with")
+    )
     force_map = simulator.force_map(profile)
     assert set(force_map.curve.at_m) == {0.12}
     assert force_map.curve.speeds_kmh == np.arange(40.0, 131.0).tolist()

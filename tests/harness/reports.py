@@ -28,7 +28,10 @@ HOSTILE = '</script><img src=x onerror="window.pwned=1"><script>window.pwned=1</
 def _simulator() -> Simulator:
     return Simulator(
         simulation_settings(
-            speeds_kmh=[float(v) for v in range(40, 301, 20)], positions=6, uncertainty=load_uncertainty(4)
+            running="with",
+            speeds_kmh=[float(v) for v in range(40, 301, 20)],
+            positions=6,
+            uncertainty=load_uncertainty(4),
         )
     )
 

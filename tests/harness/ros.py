@@ -6,11 +6,12 @@ from collections.abc import Callable
 from typing import Any, Self
 
 import rclpy
+from msgspec import UNSET, UnsetType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
-from weld_force_ros.messages import ForceHistory, ForceMap, Message, SimulationSettings, WeldProfile
+from weld_force_ros.messages import Direction, ForceHistory, ForceMap, Message, SimulationSettings, WeldProfile
 from weld_force_ros.ros import qos
 
 DEADLINE_S = 60.0
@@ -93,7 +94,13 @@ class QuickSimulator:
         )
 
     def force_history(
-        self, profile: WeldProfile, speed_kmh: float, position_m: float, *, until_m: float = 0.0
+        self,
+        profile: WeldProfile,
+        speed_kmh: float,
+        position_m: float,
+        *,
+        until_m: float | None = None,
+        running: Direction | UnsetType = UNSET,
     ) -> ForceHistory:
         return ForceHistory(
             weld_id=profile.weld_id,

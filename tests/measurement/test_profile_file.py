@@ -53,6 +53,26 @@ def sample(index: int, x: object, z: object) -> list[tuple[object, object]]:
 # --- what is read ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("header", ["# running: against\n", "# direction: Against\n", "# Fahrtrichtung: against\n"])
+def test_the_direction_of_trains_is_read_where_it_is_stated(header: str, tmp_path: Path) -> None:
+    profile = parse_profile(csv_text(header), "km12.csv")
+    assert profile.running == "against"
+    write_profile(profile, tmp_path / "again.csv")
+    assert read_profile(tmp_path / "again.csv").running == "against"
+    assert parse_profile(csv_text(), "km12.csv").running is msgspec.UNSET
+    assert parse_profile(csv_text(), "km12.csv", replace(MM_UM_UP, running="both")).running == "both"
+    assert parse_profile(csv_text(header), "km12.csv", replace(MM_UM_UP, running="both")).running == "against"
+    # A format whose x falls in the running direction says it, too: its x is turned.
+    assert parse_profile(csv_text(), "km12.csv", replace(MM_UM_UP, x_direction="against")).running == "with"
+
+
+@pytest.mark.parametrize("key", ["running", "direction"])
+def test_an_unknown_direction_of_trains_is_refused_in_one_line(key: str) -> None:
+    assert refused(csv_text(f"# {key}: uphill\n")) == (
+        "km12.csv: line 5: running 'uphill' is unknown; state one of with, against, both"
+    )
+
+
 def test_csv_form_gives_metres_centred_and_detrended() -> None:
     profile = parse_profile(csv_text("# weld_id: KM12-L-004\n"), "km12.csv")
     assert profile.weld_id == "KM12-L-004"

@@ -48,7 +48,7 @@ def settings(samples: int, track: str = "bilbao-viscous", **changes: float) -> S
     """Samples at every speed and position, under a point contact."""
     unknown = msgspec.structs.replace(load_uncertainty(samples), design=UNSET, **changes)
     return simulation_settings(
-        track=track, speeds_kmh=SPEEDS, positions=POSITIONS, uncertainty=unknown, contact_patch="off"
+        track=track, speeds_kmh=SPEEDS, positions=POSITIONS, uncertainty=unknown, contact_patch="off", running="with"
     )
 
 
@@ -112,7 +112,7 @@ def test_known_position_is_no_unknown_and_what_does_not_spread_drives_nothing():
 
 def test_uncertainty_is_part_of_the_settings_identity():
     one, other = settings(20), settings(20, noise_m=1e-6)
-    plain = simulation_settings(track="bilbao-viscous", speeds_kmh=SPEEDS, positions=POSITIONS)
+    plain = simulation_settings(track="bilbao-viscous", speeds_kmh=SPEEDS, positions=POSITIONS, running="with")
     assert len({one.config_sha256, other.config_sha256, plain.config_sha256}) == 3
     assert config_sha256(one) == one.config_sha256
 
@@ -157,6 +157,7 @@ def test_samples_where_they_can_be_the_worst_agree_with_every_speed_and_position
         positions=POSITIONS,
         uncertainty=unknown,
         contact_patch="off",
+        running="with",
     )
     known = msgspec.structs.replace(shipped_profile(shape), noise=UNSET)  # so that noise is drawn
     spread = Simulator(chosen).force_map(known).spread
@@ -189,7 +190,12 @@ def brute_force(unknown: Uncertainty, known: WeldProfile) -> Passages:
 def test_geometries_can_come_from_elsewhere():
     unknown = msgspec.structs.replace(load_uncertainty(4), design="quasi-random", support_spread=0.0)
     chosen = simulation_settings(
-        track="bilbao-viscous", speeds_kmh=SPEEDS, positions=POSITIONS, uncertainty=unknown, contact_patch="off"
+        track="bilbao-viscous",
+        speeds_kmh=SPEEDS,
+        positions=POSITIONS,
+        uncertainty=unknown,
+        contact_patch="off",
+        running="with",
     )
     known, simulator = profile(), Simulator(chosen)
     x, z = np.array(known.x_m), np.array(known.z_m)

@@ -28,7 +28,7 @@ def welds() -> list[WeldProfile]:
 @pytest.mark.slow
 @pytest.mark.parametrize("track", ["bilbao", "bilbao-viscous"])
 def test_the_curve_is_that_of_every_speed_and_position(track: str):
-    simulator = Simulator(simulation_settings(track=track))
+    simulator = Simulator(simulation_settings(track=track, running="with"))
     for profile in welds():
         path = simulator.wheel_path(profile)
         everywhere = simulator.vehicle_track.peak_map(path, KMH, simulator.settings.positions_m, low_passed=True)
@@ -71,7 +71,7 @@ def test_speeds_far_apart_tell_nothing_about_what_is_between():
 
 
 def test_a_passage_does_not_depend_on_which_others_are_simulated():
-    simulator = Simulator(simulation_settings(track="bilbao-viscous"))
+    simulator = Simulator(simulation_settings(track="bilbao-viscous", running="with"))
     vehicle_track = simulator.vehicle_track
     assert isinstance(vehicle_track, VehicleTrackModel)
     path = simulator.wheel_path(shipped_profile("weld-1-dip"))

@@ -27,6 +27,17 @@ AT_REST = {
 }  # fmt: skip
 """Value of each criterion of a wheel at rest; of the others it is the static wheel load."""
 
+COLUMN_OF: Mapping[str, str] = {
+    "peak_force": "peak_force_n",
+    "p2_force": "p2_force_n",
+    "force_20hz": "force_20hz_n",
+    "dynamic_factor": "peak_force_n",
+    "hertz_pressure_index": "peak_force_n",
+    "unloading": "min_force_n",
+    "contact_loss": "contact_loss_s",
+}
+"""The column of passages that each criterion is a function of; all grow as it gets worse."""
+
 AT_THE_PEAK = ("peak_force", "dynamic_factor", "hertz_pressure_index")
 """Criteria whose place along the rail is that of the maximum force."""
 

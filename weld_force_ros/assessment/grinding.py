@@ -41,6 +41,7 @@ from weld_force_ros.physics.passage.wheel_path import wheel_path_over
 from weld_force_ros.physics.threads import executor
 from weld_force_ros.simulation import track_file
 from weld_force_ros.simulation.force_map_view import Passages, RelevantMap, relevant_range
+from weld_force_ros.simulation.running import Run, directed_runs
 from weld_force_ros.simulation.simulator import Simulator
 
 MOST_ROUNDS = 8
@@ -63,21 +64,31 @@ Axes: TypeAlias = tuple[Indices, Indices]
 
 @dataclass(frozen=True)
 class _Grid:
-    """Speeds (n_speed,) and positions (n_position,) at which profiles are simulated."""
+    """Speeds (n_speed,) and positions (n_position,) at which profiles are simulated, in each direction of trains."""
 
     vehicle_track: VehicleTrackModel | GreensFunctionModel
+    runs: Sequence[Run]
     speeds_kmh: FloatArray
     positions_m: FloatArray
     threads: int | None = None
     patch_m: float = 0.0
 
     def over(self, profiles: Sequence[Profile], *, low_passed: bool = True) -> list[Passages]:
-        """Return the passages over each profile, of shape (n_speed, n_position)."""
+        """Return the passages over each profile, the worse of the directions, of shape (n_speed, n_position)."""
         wheel = self.vehicle_track.wheel
         with executor(self.threads) as pool:
             wheel_paths = list(pool.map(lambda p: wheel_path_over(p[0], p[1], wheel.radius_m, self.patch_m), profiles))
-        peak_maps = self.vehicle_track.peak_maps(wheel_paths, self.speeds_kmh, self.positions_m, low_passed=low_passed)
-        return [Passages.of_peak_map(peak_map, wheel.static_load_n) for peak_map in peak_maps]
+        peak_maps = self.vehicle_track.peak_maps(
+            [run.path(wheel_path) for wheel_path in wheel_paths for run in self.runs],
+            self.speeds_kmh,
+            np.stack([run.places(self.positions_m) for run in self.runs] * len(profiles)),
+            low_passed=low_passed,
+        )
+        passages = [Passages.of_peak_map(peak_map, wheel.static_load_n) for peak_map in peak_maps]
+        count = len(self.runs)
+        if count == 1:
+            return passages
+        return [Passages.stacked(passages[i : i + count]).worst(axis=0) for i in range(0, len(passages), count)]
 
     def at(self, rows: Indices, columns: Indices) -> "_Grid":
         """Return the grid of some of the speeds and positions."""
@@ -253,6 +264,7 @@ class Adviser:
         limits, x, z = _Limits(self._limits, relevant.line_kmh), np.array(profile.x_m), np.array(profile.z_m)
         grid = _Grid(
             self._simulator.vehicle_track,
+            directed_runs(relevant.force_map.running, relevant.force_map.span_m),
             relevant.speeds_kmh,
             relevant.positions_m,
             self._threads,

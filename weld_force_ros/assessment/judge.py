@@ -16,6 +16,7 @@ from weld_force_ros.messages import (
     AssessmentSettings,
     Criterion,
     Decision,
+    Direction,
     ForceHistory,
     ForceMap,
     UncertaintyResult,
@@ -35,7 +36,13 @@ class Simulates(Protocol):
         """Compute the forces at every speed and position."""
 
     def force_history(
-        self, profile: WeldProfile, speed_kmh: float, position_m: float, *, until_m: float = 0.0
+        self,
+        profile: WeldProfile,
+        speed_kmh: float,
+        position_m: float,
+        *,
+        until_m: float | None = None,
+        running: Direction | UnsetType = UNSET,
     ) -> ForceHistory:
         """Compute one passage in the space domain."""
 
@@ -153,14 +160,18 @@ def _history(
     profile: WeldProfile, simulator: Simulates, relevant: RelevantMap, criteria: Sequence[Criterion]
 ) -> ForceHistory:
     row, column = relevant.peak_index
+    running = relevant.direction("peak_force_n", row, column)
     if criteria:
         deciding = worst(criteria)
         if isinstance(deciding.speed_kmh, float) and isinstance(deciding.position_m, float):
             row = int((relevant.speeds_kmh == deciding.speed_kmh).argmax())
             column = int((relevant.positions_m == deciding.position_m).argmax())
+            running = deciding.running
+    after_peak_m = -_AFTER_PEAK_M if running == "against" else _AFTER_PEAK_M
     return simulator.force_history(
         profile,
         float(relevant.speeds_kmh[row]),
         float(relevant.positions_m[column]),
-        until_m=float(relevant.peak_x_m[row, column]) + _AFTER_PEAK_M,
+        until_m=float(relevant.peak_x_m[row, column]) + after_peak_m,
+        running=running,
     )

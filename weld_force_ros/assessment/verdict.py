@@ -16,7 +16,13 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from weld_force_ros.assessment.coverage import uncomputed, unseen
-from weld_force_ros.assessment.criteria import AT_THE_PEAK, FORCE_CRITERIA, GEOMETRY_CRITERIA, geometry_values
+from weld_force_ros.assessment.criteria import (
+    AT_THE_PEAK,
+    COLUMN_OF,
+    FORCE_CRITERIA,
+    GEOMETRY_CRITERIA,
+    geometry_values,
+)
 from weld_force_ros.assessment.decision import Judged, answer, measure_next, model_deviation, overall, widened
 from weld_force_ros.assessment.limits import Levels, applies, check, decides, levels, within_limits
 from weld_force_ros.assessment.probability import influences, interval
@@ -24,6 +30,7 @@ from weld_force_ros.messages import (
     Answer,
     Criterion,
     Decision,
+    Direction,
     Limit,
     NormPoint,
     PositionOutcome,
@@ -33,6 +40,7 @@ from weld_force_ros.messages import (
 )
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.simulation.force_map_view import Passages, RelevantMap, index_of_largest
+from weld_force_ros.simulation.running import in_words
 
 WORST_POSITION = Rules(unknown_position="worst")
 """The rules of recordings that state none."""
@@ -54,6 +62,7 @@ class Evaluation(msgspec.Struct, frozen=True, kw_only=True):
     worst_position_m: float
     worst_x_m: float
     judged_speed_kmh: float
+    worst_running: Direction | UnsetType
     geometry: Answer | UnsetType = UNSET
     force: Answer | UnsetType = UNSET
     measure_next: str | UnsetType = UNSET
@@ -112,6 +121,7 @@ def evaluate(
         force=found.force if found else UNSET,
         measure_next=found.measure_next or UNSET if found else UNSET,
         accepted_risk=rules.accepted_risk,
+        worst_running=relevant.direction("peak_force_n", row, column),
     )
 
 
@@ -172,6 +182,7 @@ def _criterion(limit: Limit, applied: Levels, values: FloatArray, relevant: Rele
         speed_kmh=float(relevant.speeds_kmh[row]),
         position_m=float(relevant.positions_m[column]),
         x_m=float(relevant.peak_x_m[row, column]) if limit.name in AT_THE_PEAK else UNSET,
+        running=relevant.direction(COLUMN_OF[limit.name], row, column),
     )
 
 
@@ -273,10 +284,12 @@ def _findings(relevant: RelevantMap, criteria: Sequence[Criterion]) -> tuple[str
     row, column = relevant.peak_index
     peak_kn = relevant.passages.peak_force_n[row, column] / 1e3
     speed_kmh, position_cm = relevant.speeds_kmh[row], relevant.positions_m[column] * 100
+    running = relevant.direction("peak_force_n", row, column)
+    words = f", {in_words(running)}" if relevant.force_map.running == "both" else ""
     failed = [c.name for c in criteria if not c.passed and c.decides]
     informative = [c.name for c in criteria if not c.passed and not c.decides]
     return (
-        f"peak {peak_kn:.0f} kN at {speed_kmh:g} km/h, weld {position_cm:.0f} cm after the sleeper",
+        f"peak {peak_kn:.0f} kN at {speed_kmh:g} km/h, weld {position_cm:.0f} cm after the sleeper{words}",
         (f"over the limit: {', '.join(failed)}" if failed else "all within limits")
         + (f" (informative only: {', '.join(informative)})" if informative else ""),
     )

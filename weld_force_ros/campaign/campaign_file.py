@@ -14,6 +14,7 @@ from weld_force_ros.messages import AssessmentSettings, Name, SimulationSettings
 from weld_force_ros.simulation import track_file, vehicle_file
 from weld_force_ros.simulation.settings import (
     DEFAULT_POSITIONS,
+    DEFAULT_RUNNING,
     DEFAULT_SPEEDS,
     parse_positions,
     parse_speeds,
@@ -77,6 +78,7 @@ class _CampaignFile(msgspec.Struct, forbid_unknown_fields=True):
     positions: int | str | list[float] = DEFAULT_POSITIONS
     engine: str = "common-poles"
     contact_patch: str = "on"
+    running: str = DEFAULT_RUNNING
     limits: str | None = None
     batch_welds: Annotated[int, Meta(ge=1, le=10_000)] = DEFAULT_BATCH_WELDS
     out: str | None = None
@@ -175,4 +177,5 @@ def _settings(track: str, vehicle: _Vehicle, file: _CampaignFile, folder: Path) 
         wheel_radius_m=vehicle.radius_m,
         hertz_n_per_m15=vehicle.hertz_n_per_m15,
         contact_patch=file.contact_patch,
+        running=file.running,
     )

@@ -65,6 +65,14 @@ class SimulationOptions:
         typer.Option(metavar="on|off", help="Average the rail's heights over the contact patch; default: on."),
     ] = None
 
+    running: Annotated[
+        str | None,
+        typer.Option(
+            metavar="with|against|both",
+            help="How trains run over welds that do not state it: with rising x, against it; default: both.",
+        ),
+    ] = None
+
     def settings(self, uncertainty: "Uncertainty | None" = None) -> "SimulationSettings":
         """Return complete settings, with the defaults of `weld_force_ros.simulation.settings`.
 

@@ -299,7 +299,9 @@ def _understood(
         done.insert(0, f"first {form.skip_rows} lines skipped")
     _check_bounds(found.x_m, found.z_m, mended, header)
     content: dict[str, Any] = {"weld_id": name}
-    content |= {key: header[key].text for key in (*statements.TEXTS, "kind") if key in header}
+    content |= {key: header[key].text for key in (*statements.TEXTS, "kind", "running") if key in header}
+    if form.x_direction == "against":  # turned, so that x rises in the running direction
+        content.setdefault("running", "with")
     content |= {"weld_id": table.weld} if table.weld else {}
     content |= {key: statements.stated_number(header[key], key) for key in statements.NUMBERS if key in header}
     if "chainage_m" not in content and abs(found.centre) > _CHAINAGE_FROM_M:
@@ -377,7 +379,7 @@ def samples_csv(profile: WeldProfile, *, noise: str) -> str:
     """
     present = {
         key: value
-        for key in (*statements.TEXTS, *statements.NUMBERS, "kind")
+        for key in (*statements.TEXTS, *statements.NUMBERS, "kind", "running")
         if (value := getattr(profile, key)) is not UNSET
     }
     stated = present | {"x_unit": "mm", "z_unit": "um", "z_positive": "up", "detrend": "none", "centre": "0"}

@@ -18,9 +18,10 @@ REQUIRED = ("x_unit", "z_unit", "z_positive")
 TEXTS = ("weld_id", "rail", "instrument", "operator", "measured_on")
 NUMBERS = ("chainage_m", "line_speed_kmh", "weld_position_m")
 KINDS = ("weld", "joint", "squat")
-KEYS = (*REQUIRED, *TEXTS, *NUMBERS, "kind", "detrend", "centre", "noise", "samples")
+RUNNING = ("with", "against", "both")
+KEYS = (*REQUIRED, *TEXTS, *NUMBERS, "running", "kind", "detrend", "centre", "noise", "samples")
 
-_CHOICES = {"z_positive": ("up", "down"), "detrend": ("line", "none"), "kind": (*KINDS, "wheel")}
+_CHOICES = {"z_positive": ("up", "down"), "detrend": ("line", "none"), "kind": (*KINDS, "wheel"), "running": RUNNING}
 _WORDS = {
     "weld_id": ("weld", "weld id", "weld no", "weld number", "weld name", "joint", "joint id", "schweissung",
                 "schweissung nr", "schweissstoss", "schweissstoss nr", "las", "lasnummer"),
@@ -28,6 +29,8 @@ _WORDS = {
     "chainage_m": ("chainage", "chainage m", "chainage km", "km", "kilometer", "kilometrierung", "stationierung",
                    "station", "location"),
     "line_speed_kmh": ("line speed", "vmax", "speed limit", "streckengeschwindigkeit", "baanvaksnelheid"),
+    "running": ("direction", "running direction", "train direction", "direction of running", "fahrtrichtung",
+                "rijrichting"),
     "measured_on": ("date", "datum", "measured", "measured on", "measurement date", "messdatum", "date and time"),
     "operator": ("operator", "bediener", "prufer", "inspector", "surveyor"),
     "instrument": ("instrument", "gerat", "messgerat", "device", "serial number", "serial no"),
@@ -167,6 +170,8 @@ def _value(key: str, statement: Statement, is_exact: bool) -> str | None:
         return None if metres is None else str(metres)
     if key == "line_speed_kmh":
         return _kilometres_per_hour(statement)
+    if key == "running":  # other words, such as a measurement's direction, say nothing of trains
+        return statement.value if statement.value.strip().casefold() in RUNNING or statement.is_comment else None
     if key == "samples":
         return statement.value if statement.value.isdecimal() else None
     return statement.value

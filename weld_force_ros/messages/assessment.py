@@ -12,6 +12,7 @@ from weld_force_ros.messages.fields import (
     Cells,
     CurveClass,
     Decision,
+    Direction,
     ForceN,
     GeometryKind,
     Message,
@@ -154,6 +155,7 @@ class Criterion(msgspec.Struct, kw_only=True, frozen=True):
 
     Attributes:
         speed_kmh, position_m: of the passage that the value is from; absent for what the geometry says by itself.
+        running: its direction, where the force map says it.
         low, high: 5 and 95 % of the value over the samples of what is uncertain.
         exceeding: share of samples of the unknown that exceed the limit.
         driver: which of the unknown quantities the value varies with most.
@@ -174,6 +176,7 @@ class Criterion(msgspec.Struct, kw_only=True, frozen=True):
     speed_kmh: SpeedKmh | UnsetType = UNSET
     position_m: Metres | UnsetType = UNSET
     x_m: Metres | UnsetType = UNSET
+    running: Direction | UnsetType = UNSET
     low: float | UnsetType = UNSET
     high: float | UnsetType = UNSET
     exceeding: Annotated[float, Meta(ge=0.0, le=1.0)] | UnsetType = UNSET
@@ -302,6 +305,7 @@ class Verdict(Message, kw_only=True):
     measure_next: Text | UnsetType = UNSET
     accepted_risk: Annotated[float, Meta(gt=0.0, lt=0.5)] | UnsetType = UNSET
     vehicle: Annotated[Name, Meta(description="that decides")] | UnsetType = UNSET
+    worst_running: Direction | UnsetType = UNSET
 
 
 class GrindingAdvice(Message, kw_only=True):

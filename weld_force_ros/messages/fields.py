@@ -53,6 +53,17 @@ CurveClass = Annotated[
 UnknownPosition = Annotated[Literal["undecided", "worst"], Meta(extra_json_schema={"type": "string"})]
 Engine = Annotated[Literal["common-poles", "rfp", "reference"], Meta(extra_json_schema={"type": "string"})]
 IrregularityKind = Annotated[Literal["weld", "joint", "squat"], Meta(extra_json_schema={"type": "string"})]
+Running = Annotated[
+    Literal["with", "against", "both"],
+    Meta(
+        extra_json_schema={"type": "string"},
+        description="in which direction trains run over the weld: with, the one in which x rises; against; or both",
+    ),
+]
+Direction = Annotated[
+    Literal["with", "against"],
+    Meta(extra_json_schema={"type": "string"}, description="of a passage: with, the one in which x rises; or against"),
+]
 LengthUnit = Annotated[Literal["m", "cm", "mm", "um"], Meta(extra_json_schema={"type": "string"})]
 UpOrDown = Annotated[Literal["up", "down"], Meta(extra_json_schema={"type": "string"})]
 ProfileId = Annotated[

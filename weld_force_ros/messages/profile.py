@@ -21,6 +21,7 @@ from weld_force_ros.messages.fields import (
     Metres,
     Name,
     ProfileId,
+    Running,
     Samples,
     Sha256,
     SpeedKmh,
@@ -52,9 +53,9 @@ class MeasurementNoise(msgspec.Struct, kw_only=True, frozen=True):
 class WeldProfile(Message, kw_only=True):
     """A measured weld: the rail's geometry, conditioned, about the weld's centre.
 
-    `x_m` runs in the running direction with 0 at the weld's centre and increases strictly; `z_m` is positive up. Where
-    the geometry was estimated from noisy samples, these stand beside it: `measured_x_m`, `measured_z_m`, levelled and
-    centred like the estimate, and `noise`.
+    `x_m` has 0 at the weld's centre and increases strictly; `z_m` is positive up. In which direction trains run along
+    it, `running` says, where the file or the stream states it. Where the geometry was estimated from noisy samples,
+    these stand beside it: `measured_x_m`, `measured_z_m`, levelled and centred like the estimate, and `noise`.
     """
 
     weld_id: Name
@@ -78,6 +79,7 @@ class WeldProfile(Message, kw_only=True):
     format: Name | UnsetType = UNSET
     kind: IrregularityKind | UnsetType = UNSET
     operator: Name | UnsetType = UNSET
+    running: Running | UnsetType = UNSET
     measured_on: Annotated[Name, Meta(description="date as the file states it")] | UnsetType = UNSET
     file_version_of: (
         Annotated[

@@ -1,5 +1,6 @@
 """Declare what a simulation is asked for and what it returns: settings, force map, force history."""
 
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import msgspec
@@ -11,6 +12,7 @@ from weld_force_ros.messages.fields import (
     MAX_SPEEDS,
     MAX_TEXT,
     Cells,
+    Direction,
     Engine,
     Message,
     Metres,
@@ -18,6 +20,7 @@ from weld_force_ros.messages.fields import (
     Number,
     PositionAxis,
     ProfileId,
+    Running,
     Seconds,
     Sha256,
     SpeedAxis,
@@ -65,7 +68,10 @@ class Uncertainty(msgspec.Struct, kw_only=True, frozen=True):
 
 
 class SimulationSettings(Message, kw_only=True):
-    """Everything that a force map depends on beside the profile; latched, so that every recording holds it."""
+    """Everything that a force map depends on beside the profile; latched, so that every recording holds it.
+
+    `running` is that of profiles which do not state it; if unset, with.
+    """
 
     config_sha256: Sha256
     track: Name
@@ -88,6 +94,7 @@ class SimulationSettings(Message, kw_only=True):
         | UnsetType
     ) = UNSET
     uncertainty: Uncertainty | UnsetType = UNSET
+    running: Running | UnsetType = UNSET
 
     @property
     def patch_half_length_m(self) -> float:
@@ -110,6 +117,7 @@ class SpeedCurve(msgspec.Struct, kw_only=True):
 
     Attributes:
         at_m: where the weld lies in the passage with the largest peak.
+        against: whether that passage runs against rising x; absent where one direction was simulated.
     """
 
     speeds_kmh: Annotated[list[SpeedKmh], Meta(min_length=1, max_length=MAX_SPEEDS)]
@@ -117,6 +125,18 @@ class SpeedCurve(msgspec.Struct, kw_only=True):
     min_force_n: Cells
     contact_loss_s: Cells
     at_m: Cells
+    p2_force_n: Cells | UnsetType = UNSET
+    force_20hz_n: Cells | UnsetType = UNSET
+    against: Annotated[list[bool], Meta(max_length=MAX_SPEEDS)] | UnsetType = UNSET
+
+
+class OppositeDirection(msgspec.Struct, kw_only=True):
+    """Passages against rising x, in a force map of both directions: its columns, in its order and coordinates."""
+
+    peak_force_n: Cells
+    peak_x_m: Cells
+    min_force_n: Cells
+    contact_loss_s: Cells
     p2_force_n: Cells | UnsetType = UNSET
     force_20hz_n: Cells | UnsetType = UNSET
 
@@ -150,7 +170,9 @@ class ForceMap(Message, kw_only=True):
     """Peak force over speed and position in the sleeper span.
 
     Matrices are row-major (speed, position). `positions_m` is the weld's centre after the sleeper, `peak_x_m` where
-    the wheel was at the peak in the same coordinate (0 at that sleeper).
+    the wheel was at the peak in the same coordinate (0 at that sleeper). They are of passages in the direction that
+    `running` says; where that is both, with rising x, and `against` holds those of the other direction. `curve` and
+    `spread` are the worst over the directions.
     """
 
     weld_id: Name
@@ -196,14 +218,28 @@ class ForceMap(Message, kw_only=True):
     weld_position_m: Metres | UnsetType = UNSET
     chainage_m: Metres | UnsetType = UNSET
     rail: Name | UnsetType = UNSET
+    running: Running | UnsetType = UNSET
+    against: OppositeDirection | UnsetType = UNSET
 
     def problem(self) -> str | None:
         """Return which matrix does not fit its axes, or that axes are out of order; else None."""
         if not increasing(self.speeds_kmh) or not increasing(self.positions_m):
             return "speeds_kmh and positions_m must increase"
         cells = len(self.speeds_kmh) * len(self.positions_m)
-        names = ("peak_force_n", "peak_x_m", "min_force_n", "contact_loss_s", "p2_force_n", "force_20hz_n")
-        return wrong_length(self, names, cells) or self._curve_problem() or self._spread_problem()
+        names = OppositeDirection.__struct_fields__
+        return (
+            wrong_length(self, names, cells)
+            or self._against_problem(names, cells)
+            or self._curve_problem()
+            or self._spread_problem()
+        )
+
+    def _against_problem(self, names: Sequence[str], cells: int) -> str | None:
+        if isinstance(self.against, UnsetType):
+            return "running is both, but against is missing" if self.running == "both" else None
+        if self.running != "both":
+            return "against is given, but running is not both"
+        return wrong_length(self.against, names, cells, "against: ")
 
     def _curve_problem(self) -> str | None:
         if not isinstance(self.curve, SpeedCurve):
@@ -244,6 +280,7 @@ class ForceHistory(Message, kw_only=True):
     wheel_m: Cells
     rail_m: Cells
     irregularity_m: Cells
+    running: Direction | UnsetType = UNSET
 
     def problem(self) -> str | None:
         """Return that columns differ in length; else None."""

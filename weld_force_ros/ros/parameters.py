@@ -90,6 +90,9 @@ PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
         NodeParameter("hertz_n_per_m15", 0.0, f"contact stiffness, N/m^1.5; {_OWN}", 0.0, 1e13),
         NodeParameter("contact_patch", "on", "average the rail's heights over the contact patch: on or off"),
         NodeParameter(
+            "running", "both", "how trains run over welds that do not state it: with (rising x), against or both"
+        ),
+        NodeParameter(
             "uncertainty_samples",
             DEFAULT_UNCERTAINTY_SAMPLES,
             "samples of what is not known, for verdicts with probabilities; 0: none",
@@ -202,6 +205,7 @@ def settings_from_parameters(values: Mapping[str, Any]) -> SimulationSettings:
             given["uncertainty_samples"], Path(given["uncertainty"]).expanduser() if given["uncertainty"] else None
         ),
         contact_patch=given["contact_patch"],
+        running=given["running"],
         **{name: given[name] or None for name in wheel},
     )
 

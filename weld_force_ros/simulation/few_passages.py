@@ -1,10 +1,10 @@
 """Simulate of every sample only what can be the worst, and what follows from that.
 
-Three things keep it few. At each position a sample passes at eight speeds near the nominal worst (`worst_speeds`).
-Stiffness acts smoothly: samples are simulated with the nearest of a few levels of support and contact, and corrected by
-the response of the nominal geometry between the levels, of which there are more where contact is lost: that is less
-smooth. Forces below 120 and 20 Hz hardly vary with the geometry: they
-are simulated at two places, and the ratio to the nominal map is carried from there to the others.
+Three things keep it few. At each position a sample passes at eight speeds near the nominal worst (`worst_speeds`), of
+two directions in those in which it can be the worst there. Stiffness acts smoothly: samples are simulated with the
+nearest of a few levels of support and contact, and corrected by the response of the nominal geometry between the
+levels, of which there are more where contact is lost: that is less smooth. Forces below 120 and 20 Hz hardly vary with
+the geometry: they are simulated at two places, and the ratio to the nominal map is carried from there to the others.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,9 +16,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from weld_force_ros.messages import Uncertainty
+from weld_force_ros.messages import Direction, Uncertainty
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.lane_tables import AT_ONCE, LaneTables, Places, places_over
+from weld_force_ros.physics.passage.lane_tables import AT_ONCE, LaneTables, Places, joined_places, places_over
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.state_space import StateModel
 from weld_force_ros.physics.passage.steady_state import SteadyStateSolver
@@ -26,8 +26,9 @@ from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, WheelPathRoller
 from weld_force_ros.physics.threads import executor, thread_count
 from weld_force_ros.simulation.force_map_view import Passages
+from weld_force_ros.simulation.running import Run
 from weld_force_ros.simulation.uncertainty import Draws
-from weld_force_ros.simulation.worst_speeds import dynamic_parts, near_worst
+from weld_force_ros.simulation.worst_speeds import MARGIN, dynamic_parts, near_worst
 
 _IMPACT = ("peak_force_n", "min_force_n", "contact_loss_s")
 _LOW_PASSED = ("p2_force_n", "force_20hz_n")
@@ -89,11 +90,11 @@ class _Levels:
 
 @dataclass(frozen=True)
 class _Choice:
-    """Positions at which columns are simulated, each at its speeds.
+    """Positions in a direction at which columns are simulated, each at its speeds.
 
     Attributes:
         names: of the columns.
-        positions: (n,), indices.
+        positions: (n,), indices; those of a second direction follow on those of the first.
         speeds: (n, a multiple of `AT_ONCE`), indices.
     """
 
@@ -169,7 +170,7 @@ class FewPassages:
 
     def worst(
         self, x_m: FloatArray, z_m: FloatArray, samples_m: FloatArray, positions_m: FloatArray,
-        speeds_kmh: FloatArray, nominal: Passages,
+        speeds_kmh: FloatArray, nominal: Mapping[Direction, Passages],
     ) -> Passages:  # fmt: skip
         """Return the worst over speeds of every sample at every position, (n_sample, n_position).
 
@@ -179,29 +180,50 @@ class FewPassages:
             samples_m: (n_sample, n).
             positions_m: (n_position,).
             speeds_kmh: (n_speed,), increasing.
-            nominal: (n_speed, n_position), of the nominal geometry, wheel and track.
+            nominal: (n_speed, n_position), of the nominal geometry, wheel and track, in each direction.
 
         Raises:
             NumericalError: a passage did not stay finite.
         """
-        choices = [_impact(nominal), _low_passed(nominal, positions_m, self._solvers[0].model.spacing_m)]
+        beside = Passages.beside(list(nominal.values()))
+        by_p2 = _by_p2(beside)
+        choices = [*_impacts(beside, len(positions_m)), _low_passed(beside, by_p2, positions_m, self._span_m)]
+        runs = [Run(direction, self._span_m) for direction in nominal]
         geometries = np.concatenate([samples_m, z_m[None]])
         radii = np.append(self._draws.wheel_radius_m, self._wheel.radius_m)
         with executor(self._threads) as pool:
             tables = self._tables_at(speeds_kmh, pool)
             start_m, paths_m = self._rolled(x_m, geometries, radii, pool)
-            places = [
-                places_over(self._solvers[0], paths_m, start_m, RESAMPLED_STEP_M, positions_m[choice.places])
-                for choice in choices
-            ]
+            places = [self._places(choice, runs, paths_m, start_m, positions_m) for choice in choices]
             found = list(pool.map(partial(self._simulated, choices, places), range(len(tables)), tables))
-        columns: dict[str, FloatArray] = {}
-        for number, choice in enumerate(choices):
-            columns |= self._gathered(choice, [of_pair[number] for of_pair in found])
-        low = choices[1]
-        for name in low.names:
-            columns[name] = _carried(columns[name], nominal.columns[name], low, positions_m, self._span_m)
-        return Passages(nominal.static_load_n, **columns)
+        *impacts, low = choices
+        *by_impact, by_low = zip(*found, strict=True)
+        gathered = [self._gathered(choice, own) for choice, own in zip(impacts, by_impact, strict=True)]
+        places_of_impacts = np.concatenate([choice.positions for choice in impacts])
+        columns = {
+            name: _worst_by_position(
+                name, np.concatenate([own[name] for own in gathered], axis=1), places_of_impacts, len(positions_m)
+            )
+            for name in _IMPACT
+        }
+        for name, values in self._gathered(low, by_low).items():
+            phases = 2 * np.pi * (positions_m - positions_m[by_p2[-1] % len(positions_m)]) / self._span_m
+            columns[name] = _carried(values, beside.columns[name], low, phases)
+        return Passages(beside.static_load_n, **columns)
+
+    def _places(
+        self, choice: _Choice, runs: Sequence[Run], paths_m: FloatArray, start_m: float, positions_m: FloatArray
+    ) -> Places:
+        """Return the places of a choice, those of each direction over the paths as they are met."""
+        end_m, parts = start_m + RESAMPLED_STEP_M * (paths_m.shape[1] - 1), list[Places]()
+        for number, run in enumerate(runs):
+            own = choice.places[choice.places // len(positions_m) == number] % len(positions_m)
+            if len(own) == 0:
+                continue
+            met, first_m = (paths_m, start_m) if run.direction == "with" else (paths_m[:, ::-1], -end_m)
+            at_m = run.places(positions_m[own])
+            parts.append(places_over(self._solvers[0], np.ascontiguousarray(met), first_m, RESAMPLED_STEP_M, at_m))
+        return joined_places(parts)
 
     @property
     def _span_m(self) -> float:
@@ -247,28 +269,56 @@ class FewPassages:
         return columns
 
 
-def _impact(nominal: Passages) -> _Choice:
-    """Choose for what the unfiltered force decides; more speeds where contact is lost, which jumps about."""
-    positions = np.arange(nominal.peak_force_n.shape[1])
-    return _Choice.of(nominal, _IMPACT, positions, 4 * AT_ONCE if np.any(nominal.contact_loss_s > 0) else AT_ONCE)
+def _impacts(nominal: Passages, count: int) -> list[_Choice]:
+    """Choose for what the unfiltered force decides; more speeds where contact is lost, which jumps about.
+
+    Of `count` positions each in the directions in which a sample can be the worst.
+    """
+    by_direction = (-1, count)
+    matters = np.zeros(nominal.peak_force_n.size // len(nominal.peak_force_n), dtype=bool).reshape(by_direction)
+    for part in dynamic_parts(nominal, _IMPACT):
+        worst = part.max(axis=0).reshape(by_direction)
+        matters |= worst >= (1 - MARGIN) * worst.max(axis=0)
+    lost = matters.ravel() & np.any(nominal.contact_loss_s > 0, axis=0)
+    chosen = ((np.flatnonzero(matters.ravel() & ~lost), AT_ONCE), (np.flatnonzero(lost), 4 * AT_ONCE))
+    return [_Choice.of(nominal, _IMPACT, positions, speeds) for positions, speeds in chosen if len(positions)]
 
 
-def _low_passed(nominal: Passages, positions_m: FloatArray, span_m: float) -> _Choice:
-    """Choose for low-passed forces: the position of the worst, and the one that is half a span from there."""
-    at = int(nominal.columns["p2_force_n"].max(axis=0).argmax())
-    opposite = int(np.cos(2 * np.pi * (positions_m - positions_m[at]) / span_m).argmin())
-    return _Choice.of(nominal, _LOW_PASSED, np.unique([at, opposite]), AT_ONCE)
+def _by_p2(nominal: Passages) -> NDArray[np.intp]:
+    """Return places by P2 force, the worst last; of equals by the peak, so that mirror images have theirs mirrored."""
+    return np.lexsort([nominal.peak_force_n.max(axis=0), nominal.columns["p2_force_n"].max(axis=0)])
 
 
-def _carried(
-    found: FloatArray, nominal: FloatArray, choice: _Choice, positions_m: FloatArray, span_m: float
-) -> FloatArray:
-    """Return values (n_sample, n_position) whose ratio to the nominal worst is a mean and a wave over the span."""
+def _low_passed(nominal: Passages, by_p2: NDArray[np.intp], positions_m: FloatArray, span_m: float) -> _Choice:
+    """Choose for low-passed forces: position and direction of the worst, and those half a span from there."""
+    count, at = len(positions_m), int(by_p2[-1])
+    from_there = np.cos(2 * np.pi * (positions_m - positions_m[at % count]) / span_m)
+    farthest = by_p2[from_there[by_p2 % count] < from_there.min() + 1e-9]
+    return _Choice.of(nominal, _LOW_PASSED, np.unique([at, farthest[-1]]), AT_ONCE)
+
+
+def _worst_by_position(name: str, found: FloatArray, places: NDArray[np.intp], count: int) -> FloatArray:
+    """Return the worst (n_sample, count) over the directions that were simulated at each position."""
+    worst, no_worse = (np.minimum, np.inf) if name == "min_force_n" else (np.maximum, -np.inf)
+    result = np.full((len(found), count), no_worse)
+    for place, values in zip((places % count).tolist(), found.T, strict=True):
+        result[:, place] = worst(result[:, place], values)
+    return result
+
+
+def _carried(found: FloatArray, nominal: FloatArray, choice: _Choice, phases: FloatArray) -> FloatArray:
+    """Return values (n_sample, n_position) whose ratio to the nominal worst is a mean and a wave over the span.
+
+    Args:
+        found: (n_sample, n), of the choice's places.
+        nominal: (n_speed, n_place).
+        choice: of speeds and places.
+        phases: (n_position,), of the wave.
+    """
     known = nominal[choice.speeds, choice.positions[:, None]].max(axis=1)
-    phases = 2 * np.pi * (positions_m - positions_m[choice.positions[0]]) / span_m
     waves = np.stack([np.ones_like(phases), np.cos(phases)], axis=1)
-    carried = (found / known) @ (waves @ np.linalg.pinv(waves[choice.positions])).T
-    return np.asarray(nominal.max(axis=0) * carried)
+    carried = (found / known) @ (waves @ np.linalg.pinv(waves[choice.positions % len(phases)])).T
+    return np.asarray(nominal.max(axis=0).reshape(-1, len(phases)).max(axis=0) * carried)
 
 
 def _nearest(levels: FloatArray, factors: FloatArray) -> NDArray[np.intp]:

@@ -6,10 +6,11 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from msgspec import UnsetType
+from msgspec import UNSET, UnsetType
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from weld_force_ros.messages import ForceMap, SpeedCurve
+from weld_force_ros.messages import Direction, ForceMap, OppositeDirection, SpeedCurve
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.peak_map import PeakMap
 
@@ -80,6 +81,13 @@ class Passages:
         first = parts[0]
         return first._with({name: np.stack([part.columns[name] for part in parts]) for name in first.columns})
 
+    @classmethod
+    def beside(cls, parts: Sequence["Passages"]) -> "Passages":
+        """Join passages along their last axis."""
+        first = parts[0]
+        names = first.columns
+        return first._with({name: np.concatenate([part.columns[name] for part in parts], axis=-1) for name in names})
+
     @property
     def columns(self) -> Mapping[str, FloatArray]:
         """The arrays that were computed, by name."""
@@ -92,6 +100,14 @@ class Passages:
     def reshaped(self, shape: tuple[int, ...]) -> "Passages":
         """Return the passages in another shape."""
         return self._with({name: values.reshape(shape) for name, values in self.columns.items()})
+
+    def worse_than(self, other: "Passages") -> Mapping[str, NDArray[np.bool_]]:
+        """Return of each column where it is worse than another's."""
+        return {
+            name: np.asarray(values < other.columns[name] if name == "min_force_n" else values > other.columns[name])
+            for name, values in self.columns.items()
+            if name in other.columns
+        }
 
     def only(self, selected: NDArray[np.bool_]) -> "Passages":
         """Return the passages with what cannot be the worst of any in place of those that are not selected."""
@@ -138,6 +154,8 @@ COLUMNS = tuple(field.name for field in fields(Passages) if field.name != "stati
 class RelevantMap:
     """The part of a force map that can happen: up to the line's speed, at the weld's position where that is known.
 
+    Of a map of both directions, each cell of a column is from the one in which it is worse.
+
     Attributes:
         force_map: the whole.
         speeds_kmh: (n_speed,).
@@ -145,6 +163,8 @@ class RelevantMap:
         passages: of shape (n_speed, n_position).
         peak_x_m: (n_speed, n_position).
         line_kmh: the line's speed, or the highest that was computed.
+        by_direction: the passages of each direction that was simulated.
+        against: of each column, where it is from passages against rising x.
     """
 
     force_map: ForceMap
@@ -153,6 +173,14 @@ class RelevantMap:
     passages: Passages
     peak_x_m: FloatArray
     line_kmh: float
+    by_direction: Mapping[Direction, Passages]
+    against: Mapping[str, NDArray[np.bool_]]
+
+    def direction(self, column: str, row: int, position: int) -> Direction | UnsetType:
+        """Return the direction of the passage that a column's cell is from; unset if the map does not say it."""
+        if isinstance(self.force_map.running, UnsetType):
+            return UNSET
+        return "against" if self.against[column][row, position] else "with"
 
     @cached_property
     def worst_over_positions(self) -> Passages:
@@ -172,21 +200,42 @@ class RelevantMap:
         return speeds[:count], worst.at(slice(count))
 
 
+def whole_map(force_map: ForceMap) -> RelevantMap:
+    """Return all of a force map, whatever the line's speed and the weld's position."""
+    return relevant_range(replace(force_map, line_speed_kmh=UNSET, weld_position_m=UNSET))
+
+
 def relevant_range(force_map: ForceMap, *, up_to_line: bool = True) -> RelevantMap:
     """Return the part of a force map that can happen; with the speeds above the line's if not `up_to_line`."""
     speeds, positions = np.array(force_map.speeds_kmh), np.array(force_map.positions_m)
     line_kmh = float(speeds[-1]) if isinstance(force_map.line_speed_kmh, UnsetType) else force_map.line_speed_kmh
     rows = np.arange(_count_up_to(speeds, line_kmh) if up_to_line else len(speeds))
     columns = relevant_positions(positions, force_map.weld_position_m, force_map.span_m)
-    shape, part = (len(speeds), len(positions)), np.ix_(rows, columns)
-    return RelevantMap(
-        force_map,
-        speeds[rows],
-        positions[columns],
-        Passages.of_message(force_map, force_map.static_load_n, shape, part),
-        np.array(force_map.peak_x_m).reshape(shape)[part],
-        line_kmh,
-    )
+    passages, peak_x_m, by_direction, against = _worse(force_map, np.ix_(rows, columns))
+    return RelevantMap(force_map, speeds[rows], positions[columns], passages, peak_x_m, line_kmh, by_direction, against)
+
+
+def worse_passages(force_map: ForceMap) -> Passages:
+    """Return all passages of a map, (n_speed, n_position), each column's cell in the direction in which it is worse."""
+    return _worse(force_map, ...)[0]
+
+
+def _worse(
+    force_map: ForceMap, part: Any
+) -> tuple[Passages, FloatArray, Mapping[Direction, Passages], Mapping[str, NDArray[np.bool_]]]:
+    """Return of part of a map the worse passages, places of their peaks, either direction's, and which are against."""
+    shape, load_n = (len(force_map.speeds_kmh), len(force_map.positions_m)), force_map.static_load_n
+    own: Direction = "against" if force_map.running == "against" else "with"
+    passages = Passages.of_message(force_map, load_n, shape, part)
+    peak_x_m = np.array(force_map.peak_x_m).reshape(shape)[part]
+    other = force_map.against
+    if not isinstance(other, OppositeDirection):
+        against = {name: np.full(values.shape, own == "against") for name, values in passages.columns.items()}
+        return passages, peak_x_m, {own: passages}, against
+    opposite = Passages.of_message(other, load_n, shape, part)
+    against = dict(opposite.worse_than(passages))
+    x_m = np.where(against["peak_force_n"], np.array(other.peak_x_m).reshape(shape)[part], peak_x_m)
+    return Passages.stacked([passages, opposite]).worst(axis=0), x_m, {own: passages, "against": opposite}, against
 
 
 def relevant_positions(positions_m: FloatArray, at_m: float | UnsetType, span_m: float) -> NDArray[np.intp]:

@@ -7,7 +7,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from weld_force_ros.messages import Uncertainty, UncertaintyResult
+from weld_force_ros.messages import Uncertainty, UncertaintyResult, WeldProfile
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.batch import USE_SIMD
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
@@ -19,7 +19,9 @@ from weld_force_ros.physics.track.beam import Spring
 from weld_force_ros.simulation import fit_store
 from weld_force_ros.simulation.few_passages import FewPassages, support_levels
 from weld_force_ros.simulation.force_map_view import Passages, RelevantMap, rounded
+from weld_force_ros.simulation.measured_geometry import sampled_geometries
 from weld_force_ros.simulation.profile_measures import sampled_measures
+from weld_force_ros.simulation.running import Run
 from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.simulation.uncertainty import Draws, draw, noisy
 
@@ -69,6 +71,14 @@ class Sampler:
                     self._models, wheel, unknown, self._draws, threads, patch_m, contact_lost=lost
                 )
 
+    def geometries(self, profile: WeldProfile) -> FloatArray:
+        """Return what a weld's measurement allows, (n_sample, n); with noise where nothing is known of it."""
+        drawn = sampled_geometries(profile, self.unknown.samples, self.unknown.seed)
+        return self._noisy(np.array(profile.x_m), np.array(profile.z_m)) if drawn is None else drawn
+
+    def _noisy(self, x_m: FloatArray, z_m: FloatArray) -> FloatArray:
+        return np.stack([noisy(x_m, z_m, self.unknown, seed) for seed in self._draws.noise_seed.tolist()])
+
     def result(
         self,
         x_m: FloatArray,
@@ -87,15 +97,15 @@ class Sampler:
         Raises:
             NumericalError: a passage did not stay finite.
         """
-        profiles = geometries
-        if profiles is None:
-            profiles = np.stack([noisy(x_m, z_m, self.unknown, seed) for seed in self._draws.noise_seed.tolist()])
-        speeds_kmh, positions_m, nominal = relevant.speeds_kmh, relevant.positions_m, relevant.passages
-        few = self._few.get(bool(np.any(nominal.contact_loss_s > 0)))
+        profiles = self._noisy(x_m, z_m) if geometries is None else geometries
+        speeds_kmh, positions_m = relevant.speeds_kmh, relevant.positions_m
+        few = self._few.get(bool(np.any(relevant.passages.contact_loss_s > 0)))
         if few is not None and few.serves(speeds_kmh):
-            worst = few.worst(x_m, z_m, profiles, positions_m, speeds_kmh, nominal)
+            worst = few.worst(x_m, z_m, profiles, positions_m, speeds_kmh, relevant.by_direction)
         else:
-            worst = self._everywhere(x_m, profiles, speeds_kmh, positions_m)
+            runs = [Run(direction, relevant.force_map.span_m) for direction in relevant.by_direction]
+            parts = [self._everywhere(x_m, profiles, speeds_kmh, positions_m, run) for run in runs]
+            worst = Passages.stacked(parts).worst(axis=0)
         with executor(self._threads) as pool:
             of_geometry = sampled_measures(x_m, profiles, relevant.force_map.measures, pool)
         draws = self._draws
@@ -109,9 +119,10 @@ class Sampler:
         )
 
     def _everywhere(
-        self, x_m: FloatArray, profiles: FloatArray, speeds_kmh: FloatArray, positions_m: FloatArray
+        self, x_m: FloatArray, profiles: FloatArray, speeds_kmh: FloatArray, positions_m: FloatArray, run: Run
     ) -> Passages:
         """Return the worst of every sample by passages at every speed and position, (n_sample, n_position)."""
+        met_m = run.places(positions_m)
         draws = self._draws
         worst: dict[int, Passages] = {}
         for support, hertz, samples in _samples_by_stiffness(draws):
@@ -121,14 +132,12 @@ class Sampler:
                 replace(self._wheel, hertz_n_per_m15=self._wheel.hertz_n_per_m15 * hertz),
                 threads=self._threads,
             )
-            wheel_paths = [wheel_path_over(x_m, profiles[i], draws.wheel_radius_m[i], self._patch_m) for i in samples]
+            wheel_paths = [
+                run.path(wheel_path_over(x_m, profiles[i], draws.wheel_radius_m[i], self._patch_m)) for i in samples
+            ]
             # The first on all threads: it makes the tables that the others use, a thread each.
-            first = vehicle_track.peak_map(
-                wheel_paths[0], speeds_kmh, positions_m, low_passed=True, tolerance=TOLERANCE
-            )
-            rest = vehicle_track.peak_maps(
-                wheel_paths[1:], speeds_kmh, positions_m, low_passed=True, tolerance=TOLERANCE
-            )
+            first = vehicle_track.peak_map(wheel_paths[0], speeds_kmh, met_m, low_passed=True, tolerance=TOLERANCE)
+            rest = vehicle_track.peak_maps(wheel_paths[1:], speeds_kmh, met_m, low_passed=True, tolerance=TOLERANCE)
             for i, peak_map in zip(samples.tolist(), chain([first], rest), strict=True):
                 worst[i] = Passages.of_peak_map(peak_map, self._wheel.static_load_n).worst(axis=0)
         return Passages.stacked([worst[i] for i in range(self.unknown.samples)])

@@ -14,6 +14,7 @@ from weld_force_ros import _yaml
 from weld_force_ros.errors import InputError, MessageError
 from weld_force_ros.messages import (
     Engine,
+    Running,
     SimulationSettings,
     Uncertainty,
     config_sha256,
@@ -26,7 +27,9 @@ from weld_force_ros.simulation import track_file, vehicle_file
 DEFAULT_SPEEDS = "20:300:5"
 DEFAULT_POSITIONS = "15"
 DEFAULT_UNCERTAINTY_SAMPLES = 32
+DEFAULT_RUNNING = "both"
 ENGINES: tuple[str, ...] = get_args(get_args(Engine)[0])
+RUNNINGS: tuple[str, ...] = get_args(get_args(Running)[0])
 
 
 def parse_speeds(text: str) -> list[float]:
@@ -84,6 +87,7 @@ def simulation_settings(
     wheel_radius_m: float | None = None,
     hertz_n_per_m15: float | None = None,
     contact_patch: str = "on",
+    running: str = DEFAULT_RUNNING,
     uncertainty: Uncertainty | None = None,
 ) -> SimulationSettings:
     """Complete and check the settings of a simulation; what is not given for the wheel is the vehicle's.
@@ -99,6 +103,7 @@ def simulation_settings(
         wheel_radius_m: rolling radius.
         hertz_n_per_m15: Hertz constant.
         contact_patch: `on`: the rail's heights are averaged over the patch that Hertz' theory gives; `off`: not.
+        running: how trains run over welds that do not state it: `with` rising x, `against` it, or `both`.
         uncertainty: what is drawn for verdicts with probabilities; none if not given.
 
     Raises:
@@ -117,6 +122,8 @@ def simulation_settings(
     )
     if contact_patch not in ("on", "off"):
         raise InputError(f"contact_patch {contact_patch!r} is unknown", "use on or off")
+    if running not in RUNNINGS:
+        raise InputError(f"running {running!r} is unknown", f"use {', '.join(RUNNINGS)}")
     spacing = definition.track.spacing_m
     at = [i * spacing / positions for i in range(positions)] if isinstance(positions, int) else list(positions)
     settings = SimulationSettings(
@@ -132,6 +139,7 @@ def simulation_settings(
         wheel_radius_m=wheel.radius_m,
         hertz_n_per_m15=wheel.hertz_n_per_m15,
         contact_patch_m=round(wheel.contact_half_length_m(), 6) if contact_patch == "on" else UNSET,
+        running=cast(Running, running),
         uncertainty=uncertainty or UNSET,
     )
     return _identified(settings)

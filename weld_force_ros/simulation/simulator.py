@@ -2,14 +2,17 @@
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
-from msgspec import UnsetType
+from msgspec import UNSET, UnsetType
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import (
+    Direction,
     ForceHistory,
     ForceMap,
+    OppositeDirection,
     SimulationSettings,
     SpeedCurve,
     Uncertainty,
@@ -24,8 +27,8 @@ from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
 from weld_force_ros.physics.track.causality import acausal
 from weld_force_ros.simulation import fit_store, track_file
 from weld_force_ros.simulation.force_map_view import Passages, relevant_positions, relevant_range, rounded
-from weld_force_ros.simulation.measured_geometry import sampled_geometries
 from weld_force_ros.simulation.profile_measures import profile_measures
+from weld_force_ros.simulation.running import Run, directed_runs, drawn_alike, stated_running
 from weld_force_ros.simulation.sampling import Sampler
 from weld_force_ros.simulation.worst_places import possibly_worst
 
@@ -102,11 +105,16 @@ class Simulator:
             InputError: the weld's position lies beyond the sleeper span.
         """
         self._check_position(profile)
-        began, settings, wheel_path = time.perf_counter(), self.settings, self.wheel_path(profile)
-        peak_map = self.vehicle_track.peak_map(
-            wheel_path, settings.speeds_kmh, settings.positions_m, low_passed=True, on_speed=on_speed
+        began, wheel_path, runs = time.perf_counter(), self.wheel_path(profile), self._runs(profile)
+        positions = np.array(self.settings.positions_m)
+        peak_maps = self.vehicle_track.maps_of_few(
+            [run.path(wheel_path) for run in runs],
+            self.settings.speeds_kmh,
+            np.stack([run.places(positions) for run in runs]),
+            low_passed=True,
+            on_speed=on_speed,
         )
-        return self._force_map(profile, wheel_path, peak_map, began)
+        return self._force_map(profile, wheel_path, runs, peak_maps, began)
 
     def force_maps(self, profiles: Sequence[WeldProfile]) -> Iterator[ForceMap]:
         """Compute `force_map` of many welds, in their order: faster than one by one, as they share the SIMD lanes.
@@ -119,14 +127,26 @@ class Simulator:
         """
         for profile in profiles:
             self._check_position(profile)
-        began, settings = time.perf_counter(), self.settings
+        began, positions = time.perf_counter(), np.array(self.settings.positions_m)
         wheel_paths = [self.wheel_path(profile) for profile in profiles]
-        peak_maps = list(
-            self.vehicle_track.peak_maps(wheel_paths, settings.speeds_kmh, settings.positions_m, low_passed=True)
+        runs = [self._runs(profile) for profile in profiles]
+        met = [(run, path) for own, path in zip(runs, wheel_paths, strict=True) for run in own]
+        peak_maps = iter(
+            list(
+                self.vehicle_track.peak_maps(
+                    [run.path(path) for run, path in met],
+                    self.settings.speeds_kmh,
+                    np.array([run.places(positions) for run, _ in met]),
+                    low_passed=True,
+                )
+            )
+            if met
+            else []
         )
         share_s = (time.perf_counter() - began) / max(1, len(profiles))
-        for profile, wheel_path, peak_map in zip(profiles, wheel_paths, peak_maps, strict=True):
-            yield self._force_map(profile, wheel_path, peak_map, time.perf_counter() - share_s)
+        for profile, wheel_path, own in zip(profiles, wheel_paths, runs, strict=True):
+            maps = [next(peak_maps) for _ in own]
+            yield self._force_map(profile, wheel_path, own, maps, time.perf_counter() - share_s)
 
     def _check_position(self, profile: WeldProfile) -> None:
         at_m = profile.weld_position_m
@@ -136,8 +156,14 @@ class Simulator:
                 "state metres after the sleeper before the weld (30 cm is 0.3), or the track with that span",
             )
 
-    def _force_map(self, profile: WeldProfile, wheel_path: WheelPath, peak_map: PeakMap, began_s: float) -> ForceMap:
+    def _runs(self, profile: WeldProfile) -> list[Run]:
+        return directed_runs(stated_running(profile, self.settings), self._span_m)
+
+    def _force_map(
+        self, profile: WeldProfile, wheel_path: WheelPath, runs: list[Run], peak_maps: list[PeakMap], began_s: float
+    ) -> ForceMap:
         settings = self.settings
+        columns = [self._columns(run, peak_map) for run, peak_map in zip(runs, peak_maps, strict=True)]
         force_map = ForceMap(
             weld_id=profile.weld_id,
             profile_sha256=profile.profile_sha256,
@@ -146,7 +172,6 @@ class Simulator:
             engine=settings.engine,
             speeds_kmh=settings.speeds_kmh,
             positions_m=settings.positions_m,
-            peak_x_m=rounded(peak_map.peak_x_m, _PLACE_DECIMALS),
             static_load_n=settings.static_load_n,
             span_m=self._span_m,
             model_error=round(self._model_error, 6),
@@ -158,20 +183,31 @@ class Simulator:
             weld_position_m=profile.weld_position_m,
             chainage_m=profile.chainage_m,
             rail=profile.rail,
-            **self._passages(peak_map).rounded(_FORCE_DECIMALS, _TIME_DECIMALS),
+            running=stated_running(profile, settings),
+            against=OppositeDirection(**columns[1]) if len(runs) > 1 else UNSET,
+            **columns[0],
         )
         if self._with_curves:
-            force_map.curve = self._curve(wheel_path, peak_map, profile.weld_position_m)
+            force_map.curve = self._curve(wheel_path, runs, peak_maps, profile.weld_position_m)
         if self._sampler is not None:
-            relevant = relevant_range(force_map)
-            x_m, z_m, unknown = np.array(profile.x_m), np.array(profile.z_m), self._sampler.unknown
-            geometries = sampled_geometries(profile, unknown.samples, unknown.seed)
-            force_map.spread = self._sampler.result(x_m, z_m, relevant, geometries)
+            relevant, draw = relevant_range(force_map), self._sampler.geometries
+            geometries = drawn_alike(profile, draw) if len(runs) > 1 else draw(profile)
+            force_map.spread = self._sampler.result(np.array(profile.x_m), np.array(profile.z_m), relevant, geometries)
         force_map.elapsed_s = time.perf_counter() - began_s
         return force_map
 
-    def _curve(self, wheel_path: WheelPath, peak_map: PeakMap, weld_position_m: float | UnsetType) -> SpeedCurve:
-        """Return the worst over the relevant positions at every whole km/h and every speed of the map.
+    def _columns(self, run: Run, peak_map: PeakMap) -> dict[str, Any]:
+        """Return the columns of a direction, as messages hold them."""
+        peak_x_m = run.places(peak_map.peak_x_m)
+        return {
+            "peak_x_m": rounded(peak_x_m, _PLACE_DECIMALS),
+            **self._passages(peak_map).rounded(_FORCE_DECIMALS, _TIME_DECIMALS),
+        }
+
+    def _curve(
+        self, wheel_path: WheelPath, runs: list[Run], peak_maps: list[PeakMap], weld_position_m: float | UnsetType
+    ) -> SpeedCurve:
+        """Return the worst over relevant positions and directions at every whole km/h and every speed of the map.
 
         Slower engines leave it out: speed advice is then as fine as the map.
         """
@@ -179,18 +215,26 @@ class Simulator:
         relevant = relevant_positions(positions, weld_position_m, self._span_m)
         places = positions[relevant]
         between = np.setdiff1d(np.arange(np.ceil(speeds[0]), speeds[-1]), speeds)
-        parts = [self._passages(peak_map).at(np.s_[:, relevant])]
+        parts = [Passages.beside([self._passages(peak_map).at(np.s_[:, relevant]) for peak_map in peak_maps])]
         if len(between):
             assert isinstance(self.vehicle_track, VehicleTrackModel), "engines with curves are fitted"  # noqa: S101
             selected = possibly_worst(parts[0], speeds, between)
-            finer = self.vehicle_track.peak_map(wheel_path, between, places, low_passed=True, selected=selected)
-            parts.append(self._passages(finer).only(selected))
+            finer = self.vehicle_track.maps_of_few(
+                [run.path(wheel_path) for run in runs],
+                between,
+                np.stack([run.places(places) for run in runs]),
+                low_passed=True,
+                selected=selected.reshape(len(between), len(runs), len(places)),
+            )
+            parts.append(Passages.beside([self._passages(peak_map) for peak_map in finer]).only(selected))
         all_speeds = np.concatenate([speeds, between])
         order = np.argsort(all_speeds)
         all_parts = Passages.concatenated(parts).at(order)
+        place = all_parts.peak_force_n.argmax(axis=1)
         return SpeedCurve(
             speeds_kmh=all_speeds[order].tolist(),
-            at_m=rounded(places[all_parts.peak_force_n.argmax(axis=1)], _PLACE_DECIMALS),
+            at_m=rounded(places[place % len(places)], _PLACE_DECIMALS),
+            against=(place >= len(places)).tolist() if len(runs) > 1 else UNSET,
             **all_parts.worst(axis=1).rounded(_FORCE_DECIMALS, _TIME_DECIMALS),
         )
 
@@ -198,7 +242,13 @@ class Simulator:
         return Passages.of_peak_map(peak_map, self.settings.static_load_n)
 
     def force_history(
-        self, profile: WeldProfile, speed_kmh: float, position_m: float, *, until_m: float = 0.0
+        self,
+        profile: WeldProfile,
+        speed_kmh: float,
+        position_m: float,
+        *,
+        until_m: float | None = None,
+        running: Direction | UnsetType = UNSET,
     ) -> ForceHistory:
         """Compute one passage in the space domain.
 
@@ -207,21 +257,27 @@ class Simulator:
             speed_kmh: of the passage.
             position_m: the weld's centre after the sleeper.
             until_m: where it ends, from the sleeper on, if that is more than a span behind the weld.
+            running: its direction; with rising x, if unset.
 
         Raises:
             NumericalError: the passage did not stay finite.
         """
-        history = self.vehicle_track.history(self.wheel_path(profile), speed_kmh, position_m, until_m=until_m)
-        every = slice(None, None, max(1, round(_HISTORY_STEP_M / (history.x_m[1] - history.x_m[0]))))
+        run = directed_runs(running, self._span_m)[0]
+        met_m = run.place(position_m)
+        end_m = 0.0 if until_m is None else run.place(until_m)
+        history = self.vehicle_track.history(run.path(self.wheel_path(profile)), speed_kmh, met_m, until_m=end_m)
+        step = max(1, round(_HISTORY_STEP_M / (history.x_m[1] - history.x_m[0])))
+        every = slice(None, None, step if run.direction == "with" else -step)  # x rises in messages
         return ForceHistory(
             weld_id=profile.weld_id,
             profile_sha256=profile.profile_sha256,
             config_sha256=self.settings.config_sha256,
             speed_kmh=speed_kmh,
             position_m=position_m,
-            x_m=rounded(history.x_m[every], _PLACE_DECIMALS),
+            x_m=rounded(run.places(history.x_m[every]), _PLACE_DECIMALS),
             force_n=rounded(history.force_n[every], _FORCE_DECIMALS),
             wheel_m=rounded(history.wheel_m[every], _DISPLACEMENT_DECIMALS),
             rail_m=rounded(history.rail_m[every], _DISPLACEMENT_DECIMALS),
             irregularity_m=rounded(history.irregularity_m[every], _DISPLACEMENT_DECIMALS),
+            running=running,
         )

@@ -197,7 +197,9 @@ def run(
 
 
 def _simulator(track: str, engine: str, on_fit: Callable[[str], None] | None) -> Simulator:
-    return Simulator(simulation_settings(track=track, engine=engine, contact_patch="off"), on_fit=on_fit)
+    return Simulator(
+        simulation_settings(track=track, engine=engine, contact_patch="off", running="with"), on_fit=on_fit
+    )
 
 
 def _reference_curves(reference: ReferenceGrid) -> list[FlatCurve]:
