@@ -27,6 +27,7 @@ from weld_force_ros.campaign.sources import WeldBatch
 from weld_force_ros.errors import InputError, WeldForceError
 from weld_force_ros.messages import ForceMap, WeldProfile
 from weld_force_ros.simulation import fit_store, track_file
+from weld_force_ros.simulation.force_map_view import whole_map
 from weld_force_ros.simulation.simulator import Simulator
 
 FITS = "fits"
@@ -204,8 +205,9 @@ def _blocks(assessed: list[AssessedWeld], batch: WeldBatch) -> dict[str, Any]:
     blocks["chainage_m"] = np.full(batch.welds, np.nan)
     for one in assessed:
         row = one.number - batch.first
-        for name in result_store.MAP_VARIABLES:
-            blocks[name][row] = np.reshape(getattr(one.force_map, name), shape[1:])
+        whole = whole_map(one.force_map)
+        for name, values in {**whole.passages.columns, "peak_x_m": whole.peak_x_m}.items():
+            blocks[name][row] = values
         if one.force_map.chainage_m is not UNSET:
             blocks["chainage_m"][row] = one.force_map.chainage_m
     return {name: block for name, block in blocks.items() if not np.isnan(block).all()}

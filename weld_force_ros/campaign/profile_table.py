@@ -21,7 +21,7 @@ from weld_force_ros.messages import WeldProfile, legible, profile_problem, profi
 ROW_GROUP = 256
 """Rows that are read together: a batch's, so that nothing is read for nothing."""
 
-_TEXTS = ("weld_id", "source", "rail", "instrument", "profile_sha256", "source_sha256")
+_TEXTS = ("weld_id", "source", "rail", "instrument", "profile_sha256", "source_sha256", "running")
 _NUMBERS = ("chainage_m", "line_speed_kmh", "weld_position_m")
 _LISTS = ("x_m", "z_m")
 _UNUSABLE = "unusable"

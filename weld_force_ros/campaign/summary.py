@@ -50,7 +50,7 @@ _GROUPS_BY = {
 
 _WORST = """
     SELECT weld_number, weld_id, line, section, vehicle, rail, chainage_m, decision, peak_force_n, worst_speed_kmh,
-        worst_criterion, worst_ratio, permitted_speed_kmh, judged_speed_kmh
+        worst_running, worst_criterion, worst_ratio, permitted_speed_kmh, judged_speed_kmh
     FROM verdicts ORDER BY worst_ratio DESC, peak_force_n DESC, weld_number, vehicle LIMIT $worst
 """
 

@@ -25,6 +25,7 @@ _OF_PROFILE = {
     "chainage_m": pa.float64(),
     "line_speed_kmh": pa.float64(),
     "weld_position_m": pa.float64(),
+    "running": pa.string(),
     "profile_sha256": pa.string(),
 }
 _OF_VERDICT = {
@@ -37,6 +38,7 @@ _OF_VERDICT = {
     "worst_speed_kmh": pa.float64(),
     "worst_position_m": pa.float64(),
     "worst_x_m": pa.float64(),
+    "worst_running": pa.string(),
     "judged_speed_kmh": pa.float64(),
     "permitted_speed_kmh": pa.float64(),
     "geometry_kind": pa.string(),

@@ -191,13 +191,20 @@ def _show_criteria(criteria: "Sequence[Criterion]") -> None:
 
     sampled = any(isinstance(c.exceeding, float) for c in criteria)
     columns = [("criterion", ""), ("value", "right"), ("limit", "right"), ("reject above", "right")]
-    columns += [("at km/h", "right"), ("", ""), *([("probability of exceedance", "right")] if sampled else [])]
+    columns += [
+        ("at km/h", "right"),
+        ("running", ""),
+        ("", ""),
+        *([("probability of exceedance", "right")] if sampled else []),
+    ]
     terminal.table("Criteria", columns, [_criterion_row(c)[: len(columns)] for c in criteria])
     if not all(c.verified for c in criteria):
         terminal.say("* UNVERIFIED: this limit was not checked against its source")
 
 
 def _criterion_row(criterion: "Criterion") -> tuple[str, ...]:
+    from weld_force_ros.simulation.running import in_words
+
     c = criterion
     return (
         c.name if c.verified else f"{c.name}*",
@@ -205,6 +212,7 @@ def _criterion_row(criterion: "Criterion") -> tuple[str, ...]:
         _number(c.limit, c.unit),
         _number(c.reject_limit, c.unit) if isinstance(c.reject_limit, float) else "",
         f"{c.speed_kmh:g}" if isinstance(c.speed_kmh, float) else "",
+        in_words(c.running).removeprefix("running "),
         ("" if c.passed else "over") + ("" if c.decides else " (informative only)"),
         f"{100 * c.exceeding:.0f} %" if isinstance(c.exceeding, float) else "",
     )

@@ -70,20 +70,25 @@ def show_table(found: Table) -> None:
 
 def show_maps(maps: Iterable[ForceMap]) -> None:
     """Print one line a force map: its worst passage."""
+    from weld_force_ros.simulation.force_map_view import whole_map
+    from weld_force_ros.simulation.running import in_words
+
     rows = []
     for force_map in maps:
-        worst = max(range(len(force_map.peak_force_n)), key=force_map.peak_force_n.__getitem__)
-        speed, position = divmod(worst, len(force_map.positions_m))
+        relevant = whole_map(force_map)
+        speed, position = relevant.peak_index
+        peak_n = float(relevant.passages.peak_force_n[speed, position])
         rows.append(
             (
                 force_map.weld_id,
-                f"{force_map.peak_force_n[worst] / 1e3:.1f}",
-                _model_error_kn(force_map, force_map.peak_force_n[worst]),
-                f"{force_map.peak_force_n[worst] / force_map.static_load_n:.2f}",
+                f"{peak_n / 1e3:.1f}",
+                _model_error_kn(force_map, peak_n),
+                f"{peak_n / force_map.static_load_n:.2f}",
                 f"{force_map.speeds_kmh[speed]:g}",
                 f"{force_map.positions_m[position] * 100:.0f}",
-                f"{max(force_map.contact_loss_s) * 1e3:.2f}",
-                f"{len(force_map.peak_force_n)}",
+                in_words(relevant.direction("peak_force_n", speed, position)).removeprefix("running "),
+                f"{relevant.passages.contact_loss_s.max() * 1e3:.2f}",
+                f"{len(force_map.peak_force_n) * len(relevant.by_direction)}",
                 f"{force_map.elapsed_s:.2f}",
             )
         )
@@ -91,7 +96,8 @@ def show_maps(maps: Iterable[ForceMap]) -> None:
         "Force maps: the worst passage of each",
         [
             ("weld", ""), ("peak kN", "right"), ("model ± kN", "right"), ("dyn. load factor", "right"),
-            ("at km/h", "right"), ("cm after sleeper", "right"), ("contact loss ms", "right"), ("passages", "right"),
+            ("at km/h", "right"), ("cm after sleeper", "right"), ("running", ""), ("contact loss ms", "right"),
+            ("passages", "right"),
             ("s", "right"),
         ],
         rows,
@@ -106,6 +112,8 @@ def _model_error_kn(force_map: ForceMap, peak_n: float) -> str:
 
 def show_verdicts(verdicts: Iterable[Verdict], rejections: Iterable[Rejection] = ()) -> None:
     """Print one line a weld: the decision first, then why."""
+    from weld_force_ros.simulation.running import in_words
+
     rows: list[tuple[str | Text, ...]] = []
     for verdict in verdicts:
         failed = ", ".join(c.name for c in verdict.criteria if not c.passed and c.decides)
@@ -117,17 +125,18 @@ def show_verdicts(verdicts: Iterable[Verdict], rejections: Iterable[Rejection] =
                 f"{verdict.peak_force_n / verdict.static_load_n:.2f}",
                 f"{verdict.worst_speed_kmh:g}",
                 f"{verdict.worst_position_m * 100:.0f}",
+                in_words(verdict.worst_running).removeprefix("running "),
                 failed or "-",
             )
         )
     for rejection in rejections:
-        cells = (unreadable(), rejection.source, "", "", "", "")
+        cells = (unreadable(), rejection.source, "", "", "", "", "")
         rows.append((*cells, f"{rejection.reason}: {rejection.remedy}"))
     table(
         "Verdicts",
         [
             ("decision", ""), ("weld", ""), ("peak kN", "right"), ("dyn. load factor", "right"), ("at km/h", "right"),
-            ("cm after sleeper", "right"), ("over the limit", ""),
+            ("cm after sleeper", "right"), ("running", ""), ("over the limit", ""),
         ],
         rows,
     )  # fmt: skip

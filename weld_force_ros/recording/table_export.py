@@ -6,11 +6,11 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from msgspec import UNSET
+from msgspec import UNSET, UnsetType
 
 from weld_force_ros._files import whole_folder
 from weld_force_ros.errors import BagError, InputError
-from weld_force_ros.messages import ForceMap, Message, Rejection, Verdict, WeldProfile, identity
+from weld_force_ros.messages import ForceMap, Message, OppositeDirection, Rejection, Verdict, WeldProfile, identity
 from weld_force_ros.recording.bag_errors import as_bag_error, refuse_existing
 from weld_force_ros.recording.contract_messages import recorded_messages
 from weld_force_ros.recording.json_export import ExportReport, check_found
@@ -67,10 +67,15 @@ def _restrictions(verdict: Verdict) -> Rows:
 
 
 def _passages(found: ForceMap) -> Rows:
-    places = ((speed, position) for speed in found.speeds_kmh for position in found.positions_m)
-    cells = zip(found.peak_force_n, found.peak_x_m, found.min_force_n, found.contact_loss_s, strict=True)
-    for place, cell in zip(places, cells, strict=True):
-        yield found.weld_id, found.config_sha256, *place, *cell
+    places = [(speed, position) for speed in found.speeds_kmh for position in found.positions_m]
+    own = None if found.running is UNSET else "against" if found.running == "against" else "with"
+    both: list[tuple[str | None, ForceMap | OppositeDirection | UnsetType]] = [(own, found), ("against", found.against)]
+    for direction, of in both:
+        if isinstance(of, UnsetType):
+            continue
+        cells = zip(of.peak_force_n, of.peak_x_m, of.min_force_n, of.contact_loss_s, strict=True)
+        for place, cell in zip(places, cells, strict=True):
+            yield found.weld_id, found.config_sha256, *place, *cell, direction
 
 
 def _profile(profile: WeldProfile) -> Rows:
@@ -93,12 +98,13 @@ _PROFILE_FIELDS = _fields(
     chainage_m=float,
     line_speed_kmh=float,
     weld_position_m=float,
+    running=str,
 )
 
 _CRITERION: dict[str, type] = {
     "name": str, "value": float, "limit": float, "unit": str, "passed": bool, "source": str, "verified": bool,
     "reject_limit": float, "margin": float, "decides": bool, "speed_kmh": float, "position_m": float, "x_m": float,
-    "exceeding": float, "exceeding_reject": float, "driver": str, "driver_share": float,
+    "exceeding": float, "exceeding_reject": float, "driver": str, "driver_share": float, "running": str,
 }  # fmt: skip
 
 TABLES = (
@@ -124,6 +130,7 @@ TABLES = (
             config_sha256=str,
             limits_sha256=str,
             software=str,
+            worst_running=str,
         ),
     ),
     Table(
@@ -143,7 +150,7 @@ TABLES = (
         ForceMap,
         {
             "weld_id": str, "config_sha256": str, "speed_kmh": float, "position_m": float, "peak_force_n": float,
-            "peak_x_m": float, "min_force_n": float, "contact_loss_s": float,
+            "peak_x_m": float, "min_force_n": float, "contact_loss_s": float, "running": str,
         },
         _passages,
     ),

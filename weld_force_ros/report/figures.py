@@ -8,6 +8,7 @@ import numpy as np
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import ForceHistory, ForceMap, GrindingAdvice, WeldProfile, known
+from weld_force_ros.simulation.force_map_view import worse_passages
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,8 +56,8 @@ def compare_maps(rows: Sequence[tuple[WeldProfile, ForceMap]]) -> "Figure":
     """Draw profile and force map of several welds side by side, on one colour scale."""
     figure = new_figure(5.2 * len(rows), 6.6)
     axes = figure.subplots(2, len(rows), height_ratios=[1, 2.6], squeeze=False)
-    highest = max(max(m.peak_force_n) for _, m in rows) / 1e3
-    lowest = min(min(m.peak_force_n) for _, m in rows) / 1e3
+    highest = max(worse_passages(m).peak_force_n.max() for _, m in rows) / 1e3
+    lowest = min(worse_passages(m).peak_force_n.min() for _, m in rows) / 1e3
     image: Any = None
     for (profile, force_map), (above, below) in zip(rows, axes.T, strict=True):
         _draw_profile(above, profile)
@@ -71,7 +72,7 @@ def one_weld(profile: WeldProfile, force_map: ForceMap, history: ForceHistory) -
     figure = new_figure(11, 7.6)
     (top_left, top_right), (bottom_left, bottom_right) = figure.subplots(2, 2)
     _draw_profile(top_left, profile)
-    peaks = np.array(force_map.peak_force_n) / 1e3
+    peaks = worse_passages(force_map).peak_force_n / 1e3
     image = _draw_map(top_right, force_map, peaks.min(), peaks.max())
     figure.colorbar(image, ax=top_right, label="peak force, kN")
     _draw_curve(bottom_left, force_map)
@@ -123,7 +124,7 @@ def _draw_profile(axes: "Axes", profile: WeldProfile) -> None:
 
 def _draw_map(axes: "Axes", force_map: ForceMap, lowest_kn: float, highest_kn: float) -> Any:
     speeds, positions = np.array(force_map.speeds_kmh), np.array(force_map.positions_m)
-    peaks = np.array(force_map.peak_force_n).reshape(len(speeds), len(positions)) / 1e3
+    peaks = worse_passages(force_map).peak_force_n / 1e3
     edges = _edges(positions)
     if np.isclose(edges[-1] - edges[0], force_map.span_m):
         # A whole span: what lies before its first sleeper stands again before the next one.
@@ -153,8 +154,7 @@ def _edges(centres: np.ndarray) -> np.ndarray:
 
 
 def _draw_curve(axes: "Axes", force_map: ForceMap) -> None:
-    shape = (len(force_map.speeds_kmh), len(force_map.positions_m))
-    peaks = np.array(force_map.peak_force_n).reshape(shape) / 1e3
+    peaks = worse_passages(force_map).peak_force_n / 1e3
     speeds = force_map.speeds_kmh
     axes.fill_between(speeds, peaks.min(axis=1), peaks.max(axis=1), color=ORANGE, alpha=0.35, label="all positions")
     column = int(np.argmax(peaks.max(axis=0)))

@@ -30,8 +30,9 @@ from weld_force_ros.physics.passage.wheel_path import wheel_path_over
 from weld_force_ros.recording.weld_records import Record, WeldRecord
 from weld_force_ros.report.numbers import decimals, short, significant, thinned, without_none
 from weld_force_ros.report.table_row import what_to_measure
-from weld_force_ros.simulation.force_map_view import RelevantMap, force_curve, relevant_range
+from weld_force_ros.simulation.force_map_view import RelevantMap, force_curve, relevant_range, worse_passages
 from weld_force_ros.simulation.measured_geometry import standard_deviation
+from weld_force_ros.simulation.running import in_words
 
 MOST_POINTS = 400
 _LONGEST_RAW_TEXT = 4_000
@@ -89,12 +90,13 @@ def _map(force_map: ForceMap) -> dict[str, Any]:
         "speeds_kmh": short(force_map.speeds_kmh),
         "positions_m": short(force_map.positions_m),
         "span_m": force_map.span_m,
-        "peak_n": decimals(force_map.peak_force_n, -2),
+        "peak_n": decimals(worse_passages(force_map).peak_force_n.ravel(), -2),
         "hollow": "".join("1" if cell else "0" for cell in _hollow(force_map, shape).ravel()),
         "static_load_n": force_map.static_load_n,
         "model_error": known(force_map.model_error),
         "line_speed_kmh": known(force_map.line_speed_kmh),
         "weld_position_m": known(force_map.weld_position_m),
+        "running": in_words(force_map.running) or None,
         "measures": None if force_map.measures is UNSET else short(msgspec.to_builtins(force_map.measures)),
     }
     return without_none(content)
@@ -102,7 +104,7 @@ def _map(force_map: ForceMap) -> dict[str, Any]:
 
 def _hollow(force_map: ForceMap, shape: tuple[int, int]) -> NDArray[np.bool_]:
     """Return which cells (n_speed, n_position) lie in a local minimum over speed; none on too coarse a grid."""
-    peaks = np.array(force_map.peak_force_n).reshape(shape)
+    peaks = worse_passages(force_map).peak_force_n
     try:
         return surface_features(force_map.speeds_kmh, force_map.positions_m, peaks, force_map.span_m).hollow
     except (InputError, IndexError):

@@ -77,6 +77,7 @@ interface Verdict {
   restrictions?: {speed_kmh: number; change: number; within_limits: boolean}[];
   by_position?: PositionOutcome[];
   curve_class?: string;
+  worst_running?: string;
   samples?: number;
 }
 
@@ -92,6 +93,8 @@ interface ForceMap {
   model_error?: number;
   line_speed_kmh?: number;
   weld_position_m?: number;
+  /** In which direction trains run, in words. */
+  running?: string;
   measures?: {kind: string; dip_m: number; protrusion_m: number; gradient_rad: number};
 }
 

@@ -46,6 +46,7 @@ function metaOf(row, content) {
     const {map, verdict} = content;
     parts.push(map.line_speed_kmh === undefined ? `judged up to ${kmh(verdict.judged_speed_kmh)} (line speed not stated)` : `line speed ${kmh(map.line_speed_kmh)}`);
     parts.push(map.weld_position_m === undefined ? "position between the sleepers unknown" : `weld ${centimetres(map.weld_position_m)} cm after the sleeper`);
+    parts.push(map.running && `trains ${map.running}${map.running.includes("both") && verdict.worst_running ? `, worst ${verdict.worst_running === "against" ? "against" : "towards"} rising x` : ""}`);
   }
   return parts.filter(Boolean).join(" · ");
 }
