@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from msgspec import UNSET
 
 from weld_force_ros.assessment.judge import assess, judge
-from weld_force_ros.assessment.limits import load_limits
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.errors import InputError, MessageError
 from weld_force_ros.measurement.profile_file import shipped_profile
 from weld_force_ros.messages import (
