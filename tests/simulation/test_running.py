@@ -202,4 +202,4 @@ def test_a_weld_and_its_mirror_image_get_one_verdict(knots: list[float], centre_
         assert (mine.name, mine.passed) == (other.name, other.passed)
         for name in ("value", "low", "high"):
             assert getattr(mine, name) == pytest.approx(getattr(other, name), rel=1e-6, abs=1e-7), mine.name
-        assert mine.exceeding == other.exceeding
+        assert mine.exceeding == pytest.approx(other.exceeding, abs=1e-9)  # summed in another order
