@@ -5,9 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from weld_force_ros.assessment import grinding
-from weld_force_ros.assessment.grinding import Adviser
+from weld_force_ros.assessment.grinding import Adviser, advise
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.cli.main import main
 from weld_force_ros.measurement.profile_file import find, read_profile
 from weld_force_ros.measurement.shapes import cosine_dip
@@ -15,6 +17,7 @@ from weld_force_ros.messages import (
     AssessmentSettings,
     GrindingAdvice,
     Limit,
+    MeasurementNoise,
     WeldProfile,
     decode,
     encode,
@@ -156,3 +159,34 @@ def test_bad_input_is_one_line(arguments: tuple[str, ...], complaint: str, capfd
     err = capfd.readouterr().err
     assert complaint in err
     assert len(err.splitlines()) == 1
+
+
+def peaked(height_m: float, line_kmh: float) -> WeldProfile:
+    x = np.linspace(-0.6, 0.6, 601)
+    z = np.where(np.abs(x) < 0.25, height_m / 2 * (1 + np.cos(np.pi * x / 0.25)), 0.0)
+    return WeldProfile(
+        weld_id="peak", source="test", x_m=x.tolist(), z_m=z.tolist(), profile_sha256=profile_sha256(x, z),
+        line_speed_kmh=line_kmh, noise=MeasurementNoise(method="none", noise_m=0.0),
+    )  # fmt: skip
+
+
+def test_a_peak_is_ground_to_the_straightedge_of_a_rule_book_that_knows_no_forces():
+    """0.45 mm over the line between the ends of 1 m, 0.3 mm allowed: 0.15 mm come off, and no more than that."""
+    grid = {"speeds_kmh": [60.0, 100.0, 140.0], "positions": 2, "running": "with"}
+    settings = simulation_settings(track="bilbao-viscous", **grid)
+    advice = advise(peaked(0.45e-3, 140.0), settings, load_limits("banenor-531"))
+    assert advice.reached
+    assert advice.most_removed_m == pytest.approx(0.15e-3, abs=0.02e-3)
+    assert {c.name: c.passed for c in advice.after} == {"straightedge_peak": True, "straightedge_dip": True}
+
+
+def test_what_is_ground_under_both_answers_is_accepted_at_the_risk():
+    """Ramps are ground until the model's uncertainty is within the accepted risk, not until the limit is met."""
+    ramp = replace(read_profile(find("weld-4-steep-ramp")), line_speed_kmh=140.0)
+    settings = simulation_settings(
+        track="bilbao-viscous", speeds_kmh=[40.0, *np.arange(50.0, 141.0, 10.0).tolist()], positions=4, running="with"
+    )
+    advice = advise(ramp, settings, load_limits("force,prorail-qi"))
+    assert advice.reached
+    assert (advice.decision_before, advice.decision_after) == ("grind", "accept")
+    assert max(advice.peak_after_n) < 150e3 - 1.6 * 0.12 / (1 + 1.6 * 0.12) * 50e3

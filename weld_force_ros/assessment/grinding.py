@@ -12,15 +12,23 @@ from functools import partial
 from typing import TypeAlias
 
 import numpy as np
-from msgspec import UNSET
+from msgspec import UNSET, UnsetType
 from msgspec.structs import replace as changed
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from weld_force_ros import SOFTWARE
-from weld_force_ros.assessment.criteria import FORCE_CRITERIA, gradient_norm_rad
+from weld_force_ros.assessment.criteria import (
+    AT_REST,
+    EDGE_CRITERIA,
+    FORCE_CRITERIA,
+    GEOMETRY_CRITERIA,
+    gradient_norm_rad,
+)
+from weld_force_ros.assessment.decision import model_deviation
 from weld_force_ros.assessment.grinding_search import Grinder, Profile, Removal, least_removal
 from weld_force_ros.assessment.judge import judge_relevant
-from weld_force_ros.assessment.limits import applies, decides
+from weld_force_ros.assessment.limits import applies, decides, levels
 from weld_force_ros.messages import (
     AssessmentSettings,
     ForceMap,
@@ -31,9 +39,17 @@ from weld_force_ros.messages import (
     Verdict,
     WeldProfile,
     config_sha256,
+    known,
     profile_sha256,
 )
-from weld_force_ros.physics.analysis.geometry import largest_gradient, straightedge_gap
+from weld_force_ros.physics.analysis.geometry import (
+    STRAIGHTEDGE_M,
+    largest_gradient,
+    largest_inclination,
+    largest_step,
+    straightedge_gap,
+    straightedge_readings,
+)
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.engines.greens_function import GreensFunctionModel
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
@@ -73,6 +89,11 @@ class _Grid:
     threads: int | None = None
     patch_m: float = 0.0
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Return (n_speed, n_position)."""
+        return len(self.speeds_kmh), len(self.positions_m)
+
     def over(self, profiles: Sequence[Profile], *, low_passed: bool = True) -> list[Passages]:
         """Return the passages over each profile, the worse of the directions, of shape (n_speed, n_position)."""
         wheel = self.vehicle_track.wheel
@@ -98,10 +119,12 @@ class _Grid:
 class _Limits:
     """The limits that decide, tightened by factors; the search considers those that come into reach."""
 
-    def __init__(self, limits: AssessmentSettings, line_kmh: float) -> None:
+    def __init__(self, limits: AssessmentSettings, relevant: RelevantMap) -> None:
+        line_kmh, load_n = relevant.line_kmh, relevant.passages.static_load_n
         self._limits = [limit for limit in limits.limits if decides(limit) and applies(limit, line_kmh)]
+        self._at_most = {id(limit): levels(limit, load_n).limit for limit in self._limits}
         self._norm_rad = gradient_norm_rad(line_kmh, limits.gradient_norm)
-        self._factors = np.ones(len(self._limits))
+        self._factors = np.array([self._sure(limit, limits, relevant) for limit in self._limits])
         self._watched = np.zeros(len(self._limits), dtype=bool)
 
     def watch(self, excess: list[FloatArray]) -> None:
@@ -137,21 +160,47 @@ class _Limits:
         """Return by how much each limit is exceeded: in each passage, or (1,) for a geometry limit."""
         return [self._excess(limit, profile, passages) for limit in self._limits]
 
+    def _sure(self, limit: Limit, limits: AssessmentSettings, relevant: RelevantMap) -> float:
+        """Return the share of a limit that a force may reach for the model's uncertainty to keep the accepted risk."""
+        rules, at_most = limits.rules, self._at_most[id(limit)]
+        if limit.name in GEOMETRY_CRITERIA or limit.name == "contact_loss" or isinstance(rules, UnsetType):
+            return 1.0
+        if isinstance(rules.accepted_risk, UnsetType):
+            return 1.0
+        rows = [] if isinstance(rules.model_uncertainty, UnsetType) else rules.model_uncertainty
+        rest = AT_REST.get(limit.name, relevant.passages.static_load_n)
+        away = float(model_deviation(limit.name, np.array(rest + 1.0), relevant, rows)) * -float(
+            ndtri(rules.accepted_risk)
+        )
+        return (rest + (at_most - rest) / (1 + away)) / at_most
+
     def _excess(self, limit: Limit, profile: Profile, passages: Passages) -> FloatArray:
-        if limit.name == "contact_loss" and limit.limit <= 0:
+        at_most = self._at_most[id(limit)]
+        if limit.name == "contact_loss" and at_most <= 0:
             # Contact is lost or it is not: how near a passage is to it, the least force says.
             return _KEPT - passages.min_force_n / passages.static_load_n + passages.contact_loss_s / _LOST_S
-        values = self._values(limit.name, profile, passages)
-        return values / limit.limit - 1 if limit.limit > 0 else values - limit.limit
+        values = self._values(limit, profile, passages)
+        return values / at_most - 1 if at_most > 0 else values - at_most
 
-    def _values(self, name: str, profile: Profile, passages: Passages) -> FloatArray:
-        if name == "straightedge":
-            return np.array([straightedge_gap(*profile)])
-        if name == "quality_index":
-            return np.array([largest_gradient(*profile) / self._norm_rad])
-        values = FORCE_CRITERIA[name](passages)
-        assert values is not None, "all forces are computed"  # noqa: S101
-        return values
+    def _values(self, limit: Limit, profile: Profile, passages: Passages) -> FloatArray:
+        if limit.name not in GEOMETRY_CRITERIA:
+            values = FORCE_CRITERIA[limit.name](passages)
+            assert values is not None, "all forces are computed"  # noqa: S101
+            return values
+        return np.array([self._of_geometry(limit, *profile)])
+
+    def _of_geometry(self, limit: Limit, x_m: FloatArray, z_m: FloatArray) -> float:
+        if limit.name in EDGE_CRITERIA:
+            # Beyond the record the rail is level, as it is simulated; the verdict refuses edges that reach too far.
+            readings = {edge.base_m: edge for edge in straightedge_readings(x_m, z_m, level_beyond=True)}
+            edge = readings[known(limit.base_m) or STRAIGHTEDGE_M]
+            return float(EDGE_CRITERIA[limit.name](np.asarray(edge.peak_m), np.asarray(edge.dip_m)))
+        if limit.name == "quality_index":
+            slope = largest_gradient if isinstance(limit.base_m, UnsetType) else largest_inclination
+            return slope(x_m, z_m) / self._norm_rad
+        return {"straightedge": straightedge_gap, "step": largest_step, "inclination": largest_inclination}[limit.name](
+            x_m, z_m
+        )
 
 
 @dataclass(frozen=True)
@@ -261,7 +310,7 @@ class Adviser:
 
     def _search(self, profile: WeldProfile, relevant: RelevantMap, on_step: Callable[[], None]) -> _Found:
         """Search, check all speeds and positions, then the reference, until a removal passes both."""
-        limits, x, z = _Limits(self._limits, relevant.line_kmh), np.array(profile.x_m), np.array(profile.z_m)
+        limits, x, z = _Limits(self._limits, relevant), np.array(profile.x_m), np.array(profile.z_m)
         grid = _Grid(
             self._simulator.vehicle_track,
             directed_runs(relevant.force_map.running, relevant.force_map.span_m),
@@ -272,7 +321,7 @@ class Adviser:
         )
         excess = limits.excess((x, z), relevant.passages)
         limits.watch(excess)
-        considered = _added(_spread(grid), _worst_axes(excess))
+        considered = _added(_spread(grid), _worst_axes(excess, grid))
         best, begin, checks = _Found(self._nothing(profile), _worst(excess).max()), None, 0
         for _ in range(MOST_ROUNDS):
             removal = least_removal(
@@ -287,7 +336,7 @@ class Adviser:
             if _worst(tightened).max() > 0:
                 best = min(best, found, key=_preference)
                 limits.watch(tightened)
-                considered = _added(considered, _worst_axes(tightened))
+                considered = _added(considered, _worst_axes(tightened, grid))
                 if removal.reached:
                     continue
                 break
@@ -302,11 +351,11 @@ class Adviser:
         self, found: _Found, limits: _Limits, grid: _Grid, excess: list[FloatArray]
     ) -> tuple[_Found, list[FloatArray]]:
         """Check the most critical passages by the reference; return also by how much they exceed each limit."""
-        critical = replace(grid.at(*_critical(grid, _by_passage(excess))), vehicle_track=self._reference)
+        critical = replace(grid.at(*_critical(grid, _by_passage(excess, grid.shape))), vehicle_track=self._reference)
         ground = found.removal.x_m, found.removal.ground_m
         passages = critical.over([ground])[0]
         by_reference = limits.excess(ground, passages)
-        within = _by_passage(by_reference) <= 0
+        within = _by_passage(by_reference, critical.shape) <= 0
         checked = replace(
             found, checked=within.size, within=int(within.sum()), peak_n=float(passages.peak_force_n.max())
         )  # fmt: skip
@@ -342,9 +391,9 @@ def _added(axes: Axes, more: Axes) -> Axes:
     return np.union1d(axes[0], more[0]), np.union1d(axes[1], more[1])
 
 
-def _worst_axes(excess: list[FloatArray]) -> Axes:
+def _worst_axes(excess: list[FloatArray], grid: _Grid) -> Axes:
     """Return the speeds of the worst passages at the two worst positions, and those positions."""
-    by_passage = _by_passage(excess)
+    by_passage = _by_passage(excess, grid.shape)
     columns = np.argsort(-by_passage.max(axis=0), kind="stable")[:2]
     return np.unique(by_passage[:, columns].argmax(axis=0)), columns
 
@@ -354,9 +403,10 @@ def _worst(excess: list[FloatArray]) -> FloatArray:
     return np.array([e.max() for e in excess])
 
 
-def _by_passage(excess: list[FloatArray]) -> FloatArray:
-    """Return the largest excess of a force limit in each passage, (n_speed, n_position)."""
-    worst: FloatArray = np.max([e for e in excess if e.ndim == 2], axis=0)
+def _by_passage(excess: list[FloatArray], shape: tuple[int, ...]) -> FloatArray:
+    """Return the largest excess of a force limit in each passage, of a shape; of geometry alone that everywhere."""
+    of_forces = [e for e in excess if e.ndim == 2]
+    worst: FloatArray = np.max([np.broadcast_to(e, shape) for e in of_forces or excess], axis=0)
     return worst
 
 
