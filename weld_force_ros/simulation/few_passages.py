@@ -274,11 +274,12 @@ def _impacts(nominal: Passages, count: int) -> list[_Choice]:
 
     Of `count` positions each in the directions in which a sample can be the worst.
     """
-    by_direction = (-1, count)
-    matters = np.zeros(nominal.peak_force_n.size // len(nominal.peak_force_n), dtype=bool).reshape(by_direction)
-    for part in dynamic_parts(nominal, _IMPACT):
-        worst = part.max(axis=0).reshape(by_direction)
-        matters |= worst >= (1 - MARGIN) * worst.max(axis=0)
+    matters = np.zeros((nominal.peak_force_n.shape[1] // count, count), dtype=bool)
+    for name, part in zip(_IMPACT, dynamic_parts(nominal, _IMPACT), strict=True):
+        worst = part.max(axis=0).reshape(matters.shape)
+        most = worst.max(axis=0)
+        # Where no contact is lost in either direction, that says nothing about them.
+        matters |= (worst >= (1 - MARGIN) * most) & ((most > 0) | (name == "peak_force_n"))
     lost = matters.ravel() & np.any(nominal.contact_loss_s > 0, axis=0)
     chosen = ((np.flatnonzero(matters.ravel() & ~lost), AT_ONCE), (np.flatnonzero(lost), 4 * AT_ONCE))
     return [_Choice.of(nominal, _IMPACT, positions, speeds) for positions, speeds in chosen if len(positions)]
