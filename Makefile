@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 EXTRAS := .[ros,report,campaign,test]
 
-.PHONY: run test test-fast coverage lint bench bench-campaign soak screenshots format schema
+.PHONY: run test test-fast coverage lint warm bench bench-campaign soak screenshots format schema
 
 run: $(READY)
 	$(BIN)/weld-force demo
@@ -27,6 +27,10 @@ lint: $(READY)
 	@if command -v npm > /dev/null; then \
 	  npm install --no-package-lock --no-audit --no-fund --silent && npm run --silent types; \
 	else echo "lint: no npm on PATH; the pages' JavaScript is not checked" >&2; fi
+
+# What the first simulation compiles and fits: half a minute, on one core.
+warm: $(READY)
+	$(BIN)/weld-force simulate tests/data/instrument_files/dip_clean.csv --uncertainty-samples 32 --json /dev/null
 
 bench: $(READY)
 	$(BIN)/weld-force bench

@@ -6,201 +6,43 @@ continues from where it was.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeAlias
 
 import numpy as np
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET
 from msgspec.structs import replace as changed
-from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from weld_force_ros import SOFTWARE
-from weld_force_ros.assessment.criteria import (
-    AT_REST,
-    EDGE_CRITERIA,
-    FORCE_CRITERIA,
-    GEOMETRY_CRITERIA,
-    gradient_norm_rad,
-)
-from weld_force_ros.assessment.decision import model_deviation
-from weld_force_ros.assessment.grinding_search import Grinder, Profile, Removal, least_removal
+from weld_force_ros.assessment.grinding_constraints import Axes, LimitConstraints, PassageGrid, largest
+from weld_force_ros.assessment.grinding_search import Grinder, Removal, least_removal
 from weld_force_ros.assessment.judge import judge_relevant
-from weld_force_ros.assessment.limits import applies, decides, levels
 from weld_force_ros.messages import (
     AssessmentSettings,
     ForceMap,
     GrindingAdvice,
-    Limit,
     ProfileMeasures,
     SimulationSettings,
     Verdict,
     WeldProfile,
     config_sha256,
-    known,
     profile_sha256,
-)
-from weld_force_ros.physics.analysis.geometry import (
-    STRAIGHTEDGE_M,
-    largest_gradient,
-    largest_inclination,
-    largest_step,
-    straightedge_gap,
-    straightedge_readings,
 )
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.engines.greens_function import GreensFunctionModel
-from weld_force_ros.physics.passage.passage import VehicleTrackModel
-from weld_force_ros.physics.passage.wheel_path import wheel_path_over
-from weld_force_ros.physics.threads import executor
 from weld_force_ros.simulation import track_file
-from weld_force_ros.simulation.force_map_view import Passages, RelevantMap, relevant_range
-from weld_force_ros.simulation.running import Run, directed_runs
+from weld_force_ros.simulation.force_map_view import RelevantMap, relevant_range
+from weld_force_ros.simulation.running import directed_runs
 from weld_force_ros.simulation.simulator import Simulator
 
 MOST_ROUNDS = 8
 MOST_CHECKS = 3
 _SPEEDS, _POSITIONS = 12, 4  # that the search begins with
-_FAR = 0.15  # of a limit: grinding is not expected to bring a force that much nearer to it
-_LOW_PASSED = ("p2_force", "force_20hz")
 _REFERENCE_SPEEDS, _REFERENCE_POSITIONS = 3, 3
 _APART_KMH = 15.0  # speeds nearer to each other say the same
-_SPARE = 1e-3  # of a limit that is left
-_KEPT = 0.005  # of the static load: the least force where contact must not be lost
-_LOST_S = 1e-3  # without contact are as bad as a static load missing
 _NOTABLE_M = 5e-6  # of a removal: where it is said to begin and end
 _DECIMALS = 10
-
-
-Indices: TypeAlias = NDArray[np.int64]
-Axes: TypeAlias = tuple[Indices, Indices]
-
-
-@dataclass(frozen=True)
-class _Grid:
-    """Speeds (n_speed,) and positions (n_position,) at which profiles are simulated, in each direction of trains."""
-
-    vehicle_track: VehicleTrackModel | GreensFunctionModel
-    runs: Sequence[Run]
-    speeds_kmh: FloatArray
-    positions_m: FloatArray
-    threads: int | None = None
-    patch_m: float = 0.0
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Return (n_speed, n_position)."""
-        return len(self.speeds_kmh), len(self.positions_m)
-
-    def over(self, profiles: Sequence[Profile], *, low_passed: bool = True) -> list[Passages]:
-        """Return the passages over each profile, the worse of the directions, of shape (n_speed, n_position)."""
-        wheel = self.vehicle_track.wheel
-        with executor(self.threads) as pool:
-            wheel_paths = list(pool.map(lambda p: wheel_path_over(p[0], p[1], wheel.radius_m, self.patch_m), profiles))
-        peak_maps = self.vehicle_track.peak_maps(
-            [run.path(wheel_path) for wheel_path in wheel_paths for run in self.runs],
-            self.speeds_kmh,
-            np.stack([run.places(self.positions_m) for run in self.runs] * len(profiles)),
-            low_passed=low_passed,
-        )
-        passages = [Passages.of_peak_map(peak_map, wheel.static_load_n) for peak_map in peak_maps]
-        count = len(self.runs)
-        if count == 1:
-            return passages
-        return [Passages.stacked(passages[i : i + count]).worst(axis=0) for i in range(0, len(passages), count)]
-
-    def at(self, rows: Indices, columns: Indices) -> "_Grid":
-        """Return the grid of some of the speeds and positions."""
-        return replace(self, speeds_kmh=self.speeds_kmh[rows], positions_m=self.positions_m[columns])
-
-
-class _Limits:
-    """The limits that decide, tightened by factors; the search considers those that come into reach."""
-
-    def __init__(self, limits: AssessmentSettings, relevant: RelevantMap) -> None:
-        line_kmh, load_n = relevant.line_kmh, relevant.passages.static_load_n
-        self._limits = [limit for limit in limits.limits if decides(limit) and applies(limit, line_kmh)]
-        self._at_most = {id(limit): levels(limit, load_n).limit for limit in self._limits}
-        self._norm_rad = gradient_norm_rad(line_kmh, limits.gradient_norm)
-        self._factors = np.array([self._sure(limit, limits, relevant) for limit in self._limits])
-        self._watched = np.zeros(len(self._limits), dtype=bool)
-
-    def watch(self, excess: list[FloatArray]) -> None:
-        """Add the limits that are exceeded or closest to being so to those that the search considers."""
-        worst = _worst(excess)
-        self._watched |= worst >= min(-_FAR, worst.max())
-
-    def tighten(self, excess: list[FloatArray], by_reference: list[FloatArray]) -> None:
-        """Tighten limits that the reference exceeds by as much as it differs from the fast engine."""
-        exact = 1 + _worst(by_reference)
-        factors = np.where(exact > 1, (1 + _worst(excess)) / exact, 1.0)
-        self._factors = np.minimum(self._factors, factors)
-        self.watch(by_reference)
-
-    def tightened(self, excess: list[FloatArray]) -> list[FloatArray]:
-        """Return by how much the tightened limits are exceeded."""
-        return [(1 + e) / factor - 1 for e, factor in zip(excess, self._factors, strict=True)]
-
-    def constraints(self, profiles: Sequence[Profile], grid: _Grid) -> FloatArray:
-        """Return the constraints of the search, (n_profile, n_constraint)."""
-        watched = [(self._limits[i], self._factors[i] * (1 - _SPARE)) for i in np.flatnonzero(self._watched)]
-        low_passed = any(limit.name in _LOW_PASSED for limit, _ in watched)
-        return np.array(
-            [
-                np.concatenate(
-                    [(1 + self._excess(limit, profile, passages).ravel()) / factor - 1 for limit, factor in watched]
-                )
-                for profile, passages in zip(profiles, grid.over(profiles, low_passed=low_passed), strict=True)
-            ]
-        )
-
-    def excess(self, profile: Profile, passages: Passages) -> list[FloatArray]:
-        """Return by how much each limit is exceeded: in each passage, or (1,) for a geometry limit."""
-        return [self._excess(limit, profile, passages) for limit in self._limits]
-
-    def _sure(self, limit: Limit, limits: AssessmentSettings, relevant: RelevantMap) -> float:
-        """Return the share of a limit that a force may reach for the model's uncertainty to keep the accepted risk."""
-        rules, at_most = limits.rules, self._at_most[id(limit)]
-        if limit.name in GEOMETRY_CRITERIA or limit.name == "contact_loss" or isinstance(rules, UnsetType):
-            return 1.0
-        if isinstance(rules.accepted_risk, UnsetType):
-            return 1.0
-        rows = [] if isinstance(rules.model_uncertainty, UnsetType) else rules.model_uncertainty
-        rest = AT_REST.get(limit.name, relevant.passages.static_load_n)
-        away = float(model_deviation(limit.name, np.array(rest + 1.0), relevant, rows)) * -float(
-            ndtri(rules.accepted_risk)
-        )
-        return (rest + (at_most - rest) / (1 + away)) / at_most
-
-    def _excess(self, limit: Limit, profile: Profile, passages: Passages) -> FloatArray:
-        at_most = self._at_most[id(limit)]
-        if limit.name == "contact_loss" and at_most <= 0:
-            # Contact is lost or it is not: how near a passage is to it, the least force says.
-            return _KEPT - passages.min_force_n / passages.static_load_n + passages.contact_loss_s / _LOST_S
-        values = self._values(limit, profile, passages)
-        return values / at_most - 1 if at_most > 0 else values - at_most
-
-    def _values(self, limit: Limit, profile: Profile, passages: Passages) -> FloatArray:
-        if limit.name not in GEOMETRY_CRITERIA:
-            values = FORCE_CRITERIA[limit.name](passages)
-            assert values is not None, "all forces are computed"  # noqa: S101
-            return values
-        return np.array([self._of_geometry(limit, *profile)])
-
-    def _of_geometry(self, limit: Limit, x_m: FloatArray, z_m: FloatArray) -> float:
-        if limit.name in EDGE_CRITERIA:
-            # Beyond the record the rail is level, as it is simulated; the verdict refuses edges that reach too far.
-            readings = {edge.base_m: edge for edge in straightedge_readings(x_m, z_m, level_beyond=True)}
-            edge = readings[known(limit.base_m) or STRAIGHTEDGE_M]
-            return float(EDGE_CRITERIA[limit.name](np.asarray(edge.peak_m), np.asarray(edge.dip_m)))
-        if limit.name == "quality_index":
-            slope = largest_gradient if isinstance(limit.base_m, UnsetType) else largest_inclination
-            return slope(x_m, z_m) / self._norm_rad
-        return {"straightedge": straightedge_gap, "step": largest_step, "inclination": largest_inclination}[limit.name](
-            x_m, z_m
-        )
 
 
 @dataclass(frozen=True)
@@ -310,8 +152,8 @@ class Adviser:
 
     def _search(self, profile: WeldProfile, relevant: RelevantMap, on_step: Callable[[], None]) -> _Found:
         """Search, check all speeds and positions, then the reference, until a removal passes both."""
-        limits, x, z = _Limits(self._limits, relevant), np.array(profile.x_m), np.array(profile.z_m)
-        grid = _Grid(
+        limits, x, z = LimitConstraints(self._limits, relevant), np.array(profile.x_m), np.array(profile.z_m)
+        grid = PassageGrid(
             self._simulator.vehicle_track,
             directed_runs(relevant.force_map.running, relevant.force_map.span_m),
             relevant.speeds_kmh,
@@ -322,7 +164,7 @@ class Adviser:
         excess = limits.excess((x, z), relevant.passages)
         limits.watch(excess)
         considered = _added(_spread(grid), _worst_axes(excess, grid))
-        best, begin, checks = _Found(self._nothing(profile), _worst(excess).max()), None, 0
+        best, begin, checks = _Found(self._nothing(profile), largest(excess).max()), None, 0
         for _ in range(MOST_ROUNDS):
             removal = least_removal(
                 x, z, partial(limits.constraints, grid=grid.at(*considered)), self._grinder, begin=begin,
@@ -331,9 +173,9 @@ class Adviser:
             begin = removal = replace(removal, removal_m=np.round(removal.removal_m, _DECIMALS))
             ground = removal.x_m, removal.ground_m
             excess = limits.excess(ground, grid.over([ground])[0])
-            found = _Found(removal, _worst(excess).max())
+            found = _Found(removal, largest(excess).max())
             tightened = limits.tightened(excess)
-            if _worst(tightened).max() > 0:
+            if largest(tightened).max() > 0:
                 best = min(best, found, key=_preference)
                 limits.watch(tightened)
                 considered = _added(considered, _worst_axes(tightened, grid))
@@ -348,7 +190,7 @@ class Adviser:
         return best
 
     def _checked(
-        self, found: _Found, limits: _Limits, grid: _Grid, excess: list[FloatArray]
+        self, found: _Found, limits: LimitConstraints, grid: PassageGrid, excess: list[FloatArray]
     ) -> tuple[_Found, list[FloatArray]]:
         """Check the most critical passages by the reference; return also by how much they exceed each limit."""
         critical = replace(grid.at(*_critical(grid, _by_passage(excess, grid.shape))), vehicle_track=self._reference)
@@ -380,7 +222,7 @@ def _fast(settings: SimulationSettings) -> SimulationSettings:
     return changed(fast, config_sha256=config_sha256(fast))
 
 
-def _spread(grid: _Grid) -> Axes:
+def _spread(grid: PassageGrid) -> Axes:
     """Return some speeds and positions, evenly spaced, the last of each among them."""
     speeds, positions = len(grid.speeds_kmh), len(grid.positions_m)
     rows = np.arange(speeds)[:: -max(1, -(-speeds // _SPEEDS))][::-1]
@@ -391,16 +233,11 @@ def _added(axes: Axes, more: Axes) -> Axes:
     return np.union1d(axes[0], more[0]), np.union1d(axes[1], more[1])
 
 
-def _worst_axes(excess: list[FloatArray], grid: _Grid) -> Axes:
+def _worst_axes(excess: list[FloatArray], grid: PassageGrid) -> Axes:
     """Return the speeds of the worst passages at the two worst positions, and those positions."""
     by_passage = _by_passage(excess, grid.shape)
     columns = np.argsort(-by_passage.max(axis=0), kind="stable")[:2]
     return np.unique(by_passage[:, columns].argmax(axis=0)), columns
-
-
-def _worst(excess: list[FloatArray]) -> FloatArray:
-    """Return the largest excess of each limit, (n_limit,)."""
-    return np.array([e.max() for e in excess])
 
 
 def _by_passage(excess: list[FloatArray], shape: tuple[int, ...]) -> FloatArray:
@@ -410,7 +247,7 @@ def _by_passage(excess: list[FloatArray], shape: tuple[int, ...]) -> FloatArray:
     return worst
 
 
-def _critical(grid: _Grid, excess: FloatArray) -> Axes:
+def _critical(grid: PassageGrid, excess: FloatArray) -> Axes:
     """Return the speeds of the worst passages, some distance apart, and the worst positions at those."""
     rows: list[int] = []
     for row in np.argsort(-excess.max(axis=1), kind="stable").tolist():
