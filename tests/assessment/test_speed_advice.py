@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from msgspec import UNSET
 
-from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.judge import judge, told_apart
 from weld_force_ros.assessment.rule_books import load_limits
-from weld_force_ros.assessment.speed_advice import advise
+from weld_force_ros.assessment.speed_advice import advise, in_prose_kmh
 from weld_force_ros.measurement.synthetic_welds import SyntheticWeld, population
 from weld_force_ros.messages import AssessmentSettings, Limit, SpeedBand, WeldProfile, limits_sha256, profile_sha256
-from weld_force_ros.simulation.force_map_view import Passages
+from weld_force_ros.simulation.force_map_view import Passages, relevant_range
 from weld_force_ros.simulation.settings import simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
 
@@ -127,3 +127,40 @@ def test_curve_counts_only_positions_that_can_be():
     verdict = judge(force_map, load_limits())
     assert verdict.restrictions[0].speed_kmh == verdict.judged_speed_kmh == 100.0
     assert verdict.by_position == []
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.0, True), (0.6, True), (0.8, False)])
+def test_nothing_below_the_models_error_is_a_finding(share, told):
+    """The hump falls by 60 of 80 kN dynamic force, and slowing to 80 km/h adds 30 kN."""
+    found = advise(SPEEDS, passages(hump(180e3)), [limit(170e3)], share)
+    assert (len(found.hollows), len(found.maxima_kmh)) == ((1, 1) if told else (0, 0))
+    assert found.curve_class == ("hollow" if told else "rises")
+    assert any("km/h the peak is up to 60 kN less" in words for words in found.advice) == told
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.1, True), (0.3, True), (0.4, False)])
+def test_a_restriction_that_changes_less_than_the_models_error_is_no_advice(share, told):
+    """160 to 80 km/h: from 150 to 180 kN, so 30 of 80 kN of dynamic force."""
+    found = advise(SPEEDS, passages(hump(180e3)), [limit(170e3)], share)
+    assert ("slowing from 160 to 80 km/h raises the peak by 20 %" in found.advice) == told
+    assert len(found.restrictions) == 8
+
+
+@pytest.mark.parametrize(("share", "bands"), [(0.1, 1), (0.2, 0)])
+def test_a_speed_is_to_be_avoided_where_it_is_clearly_beyond_a_limit(share, bands):
+    """180 of 170 kN allowed: 10 of 80 kN of dynamic force beyond it."""
+    found = advise(SPEEDS, passages(hump(180e3)), [limit(170e3)], share)
+    assert len(found.avoid) == bands
+    assert found.permitted_speed_kmh == 71.0
+    assert found.advice[0] == "highest computed speed with all forces within limits: 70 km/h"
+
+
+def test_speeds_in_words_are_rounded_down_but_not_below_what_was_computed():
+    assert [in_prose_kmh(speed) for speed in (104.9, 105.0, 3.0)] == [100.0, 105.0, 3.0]
+    assert in_prose_kmh(43.0, 42.0) == 43.0
+
+
+def test_rules_without_an_accepted_risk_tell_every_difference_as_before():
+    relevant = relevant_range(Simulator(simulation_settings(positions=2)).force_map(as_profile(next(population(1, 3)))))
+    assert told_apart(relevant, sealed([limit(1.0)])) is None
+    assert told_apart(relevant, load_limits("force")) > 0.1

@@ -95,9 +95,14 @@ def model_deviation(
     """
     if name in GEOMETRY_CRITERIA:
         return np.zeros_like(values)
-    share = np.hypot(_fit_error(relevant), model_share(relevant, rows))
+    share = force_share(relevant, rows)
     rest = AT_REST.get(name, relevant.passages.static_load_n)
     return np.asarray(share * np.abs(values - rest) * (1.0 if name != "contact_loss" else 0.0))
+
+
+def force_share(relevant: RelevantMap, rows: Sequence[ModelUncertainty]) -> float:
+    """Return the standard deviation of forces, of fit and model together, as a share of the dynamic part."""
+    return float(np.hypot(_fit_error(relevant), model_share(relevant, rows)))
 
 
 def _fit_error(relevant: RelevantMap) -> float:

@@ -8,6 +8,7 @@ from msgspec import UNSET, UnsetType
 from msgspec.structs import asdict
 
 from weld_force_ros import SOFTWARE
+from weld_force_ros.assessment.decision import force_share
 from weld_force_ros.assessment.limits import worst
 from weld_force_ros.assessment.speed_advice import advise
 from weld_force_ros.assessment.verdict import WORST_POSITION, Evaluation, evaluate
@@ -125,7 +126,7 @@ def judge_relevant(relevant: RelevantMap, limits: AssessmentSettings) -> Verdict
         geometry_kind=UNSET if isinstance(force_map.measures, UnsetType) else force_map.measures.kind,
         samples=len(force_map.spread.support_factor) if isinstance(force_map.spread, UncertaintyResult) else 0,
         **asdict(evaluation),
-        **asdict(advise(*relevant.worst_by_speed(), limits.limits)),
+        **asdict(advise(*relevant.worst_by_speed(), limits.limits, told_apart(relevant, limits))),
     )
 
 
@@ -144,8 +145,19 @@ def deciding_history(
     return _history(profile, simulator, relevant, _evaluate(relevant, limits).criteria if limits else [])
 
 
+def told_apart(relevant: RelevantMap, limits: AssessmentSettings) -> float | None:
+    """Return the share of forces' dynamic part below which their differences are the model's error.
+
+    None where rules accept no risk, as in earlier versions: every difference is then told.
+    """
+    rules = limits.rules
+    if isinstance(rules, UnsetType) or isinstance(rules.accepted_risk, UnsetType):
+        return None
+    return force_share(relevant, known(rules.model_uncertainty) or [])
+
+
 def permitted_kmh(verdict: Verdict) -> float | None:
-    """Return the highest permitted speed: 0 if no speed is within limits, None if nothing was said about speed."""
+    """Return the highest computed speed with all forces within limits: 0 if no speed is within limits, None if nothing was said about speed."""
     if verdict.permitted_speed_kmh is not UNSET:
         return known(verdict.permitted_speed_kmh)
     return 0.0 if verdict.advice_step_kmh is not UNSET else None

@@ -1,11 +1,14 @@
 """Advise on speed: force is not monotonic in it, so that a speed restriction can make things worse.
 
+Where the model's error is known, no difference smaller than it is told: neither a local minimum nor a maximum, nor what
+a restriction changes, nor a speed beyond limits.
+
 A speed is within limits if every force criterion that decides is; limits for lines of certain speeds are those of a
 line of that speed. Geometry criteria do not depend on speed and are left out.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import msgspec
 import numpy as np
@@ -19,6 +22,7 @@ from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.simulation.force_map_view import Passages
 
 RESTRICTION_STEP_KMH = 20.0
+_ROUNDED_KMH = 5.0  # downwards: a speed in words
 _WORTH_SAYING = 0.01  # of the peak
 
 
@@ -35,29 +39,50 @@ class SpeedAdvice(msgspec.Struct, frozen=True, kw_only=True):
     advice_step_kmh: float
 
 
-def advise(speeds_kmh: FloatArray, worst: Passages, limits: Sequence[Limit]) -> SpeedAdvice:
+def advise(
+    speeds_kmh: FloatArray, worst: Passages, limits: Sequence[Limit], error_share: float | None = None
+) -> SpeedAdvice:
     """Return advice on speed.
 
     Args:
         speeds_kmh: (n,), increasing, up to the line's speed.
         worst: (n,), the worst over all relevant positions at each speed.
         limits: those for force criteria count.
+        error_share: the model's standard deviation as a share of the force's dynamic part; with None, as in earlier
+            versions, every difference is told and speeds in words are not rounded.
     """
+    share, rest_n = error_share or 0.0, worst.static_load_n
     up_to_within = within_limits(speeds_kmh, worst.accumulated(), limits)
     within_up_to = len(speeds_kmh) if up_to_within.all() else int(np.argmin(up_to_within))
     permitted = float(speeds_kmh[within_up_to - 1]) if within_up_to else None
     restrictions = _restrictions(speeds_kmh, worst.peak_force_n, up_to_within)
-    maxima, hollows = _shape(speeds_kmh, worst.peak_force_n)
+    maxima, hollows = _shape(speeds_kmh, worst.peak_force_n, share, rest_n)
     return SpeedAdvice(
         curve_class="hollow" if hollows else "rises",
         maxima_kmh=maxima,
         hollows=hollows,
         permitted_speed_kmh=UNSET if permitted is None else permitted,
-        avoid=_bands(speeds_kmh, ~within_limits(speeds_kmh, worst, limits)),
+        avoid=_avoid(speeds_kmh, worst, limits, share),
         restrictions=restrictions,
-        advice=[_on_permitted(permitted, speeds_kmh), *_on_restrictions(restrictions), *_on_hollows(hollows)],
+        advice=[
+            _on_permitted(permitted, speeds_kmh) if error_share is None else _on_highest(permitted, speeds_kmh),
+            *_on_restrictions(restrictions, share, rest_n),
+            *_on_hollows(hollows),
+        ],
         advice_step_kmh=float(np.diff(speeds_kmh).max()) if len(speeds_kmh) > 1 else 1.0,
     )
+
+
+def _avoid(speeds_kmh: FloatArray, worst: Passages, limits: Sequence[Limit], share: float) -> list[SpeedBand]:
+    """Return the speeds beyond limits, of those bands that reach beyond them by more than the model's error."""
+    rest_n = worst.static_load_n
+    less = {
+        name: values if name == "contact_loss_s" else rest_n + (1 - share) * (values - rest_n)
+        for name, values in worst.columns.items()
+    }
+    clearly = ~within_limits(speeds_kmh, replace(worst, **less), limits)
+    bands = _bands(speeds_kmh, ~within_limits(speeds_kmh, worst, limits))
+    return [b for b in bands if clearly[(speeds_kmh >= b.from_kmh) & (speeds_kmh <= b.to_kmh)].any()]
 
 
 def _bands(speeds_kmh: FloatArray, inside: NDArray[np.bool_]) -> list[SpeedBand]:
@@ -81,12 +106,35 @@ def _restrictions(speeds_kmh: FloatArray, peak_n: FloatArray, up_to_within: NDAr
     ]
 
 
-def _shape(speeds_kmh: FloatArray, peak_n: FloatArray) -> tuple[list[float], list[HollowBand]]:
+def _shape(
+    speeds_kmh: FloatArray, peak_n: FloatArray, share: float, rest_n: float
+) -> tuple[list[float], list[HollowBand]]:
     if len(speeds_kmh) < 3:
         return [], []
     features = curve_features(speeds_kmh, peak_n)
-    hollows = [HollowBand(**asdict(hollow)) for hollow in features.hollows]
-    return [maximum.speed_kmh for maximum in features.maxima], hollows
+    before_n = np.maximum.accumulate(peak_n)
+    summits_n = np.interp([hollow.from_kmh for hollow in features.hollows], speeds_kmh, before_n)
+    hollows = [
+        HollowBand(**asdict(hollow))
+        for hollow, summit_n in zip(features.hollows, summits_n, strict=True)
+        if hollow.depth_n >= share * (summit_n - rest_n)
+    ]
+    maxima = [
+        maximum.speed_kmh
+        for maximum in features.maxima
+        if _prominence(speeds_kmh, peak_n, maximum.speed_kmh) >= share * (maximum.force_n - rest_n)
+    ]
+    return maxima, hollows
+
+
+def _prominence(speeds_kmh: FloatArray, peak_n: FloatArray, at_kmh: float) -> float:
+    """Return by how much a maximum stands above the higher of the lowest places between it and what is higher."""
+    summit = int(np.argmin(np.abs(speeds_kmh - at_kmh)))
+    lowest = []
+    for side in (peak_n[summit::-1], peak_n[summit:]):
+        higher = np.flatnonzero(side > peak_n[summit])
+        lowest.append(side[: higher[0] if len(higher) else len(side)].min())
+    return float(peak_n[summit] - max(lowest))
 
 
 def _on_permitted(permitted_kmh: float | None, speeds_kmh: FloatArray) -> str:
@@ -98,17 +146,35 @@ def _on_permitted(permitted_kmh: float | None, speeds_kmh: FloatArray) -> str:
     return f"forces are within limits up to {permitted_kmh:g} km/h"
 
 
-def _on_restrictions(restrictions: Sequence[Restriction]) -> list[str]:
+def _on_highest(highest_kmh: float | None, speeds_kmh: FloatArray) -> str:
+    first, top = float(speeds_kmh[0]), float(speeds_kmh[-1])
+    if highest_kmh is None or highest_kmh == top:
+        return _on_permitted(highest_kmh, speeds_kmh)
+    return f"highest computed speed with all forces within limits: {in_prose_kmh(highest_kmh, first):g} km/h"
+
+
+def in_prose_kmh(speed_kmh: float, lowest_kmh: float = 0.0) -> float:
+    """Return a speed as words have it: rounded down to 5 km/h, but not below the lowest that was computed."""
+    rounded = float(np.floor(speed_kmh / _ROUNDED_KMH) * _ROUNDED_KMH)
+    return rounded if rounded >= max(lowest_kmh, _ROUNDED_KMH) else speed_kmh
+
+
+def _on_restrictions(restrictions: Sequence[Restriction], share: float, rest_n: float) -> list[str]:
     """Describe the mildest restriction that helps, if one is needed, and the one that harms most, if one does."""
     top, *slower = restrictions
     harms = max(slower, key=lambda r: r.change, default=top)
     helps = next((r for r in slower if r.within_limits), None)
     words = []
-    if helps is not None and not top.within_limits:
+    if helps is not None and not top.within_limits and _differ(top, helps, share, rest_n):
         words.append(f"{_slowing(top, helps)} and brings it within limits")
-    if harms.change > _WORTH_SAYING:
+    if harms.change > _WORTH_SAYING and _differ(top, harms, share, rest_n):
         words.append(_slowing(top, harms))
     return words
+
+
+def _differ(one: Restriction, other: Restriction, share: float, rest_n: float) -> bool:
+    highest_n, lowest_n = sorted((one.peak_force_n, other.peak_force_n), reverse=True)
+    return highest_n - lowest_n >= share * (highest_n - rest_n)
 
 
 def _slowing(top: Restriction, to: Restriction) -> str:
