@@ -10,6 +10,7 @@ import pytest
 from weld_force_ros.cli.main import main
 from weld_force_ros.measurement.profile_file import shipped
 from weld_force_ros.messages import SCHEMAS, ForceMap, Verdict, decode, json_schema
+from weld_force_ros.recording.recording import open_recording
 
 QUICK = ["--speeds", "60,120", "--positions", "0.1,0.4"]
 BAG = Path(__file__).parents[2] / "bags" / "demo"
@@ -198,7 +199,7 @@ def test_bag_info_counts_what_the_demo_recorded(capfd):
     (found,) = map(json.loads, lines)
     counts = {t["topic"]: t["message_count"] for t in found["topics"]}
     assert code == 0
-    assert counts["/verdict"] == counts["/force_map"] == counts["/weld_profile"] == len(shipped())
+    assert counts["/verdict"] == counts["/force_map"] == counts["/weld_profile"] == len(open_recording(BAG).verdicts)
     assert found["closed"]
     assert found["indexed"]
 

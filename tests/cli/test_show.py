@@ -15,8 +15,21 @@ from msgspec.structs import replace
 from tests.harness.bags import record, rejection
 from tests.harness.limits import by_value
 from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.rule_books import load_limits
+from weld_force_ros.cli import terminal
 from weld_force_ros.cli.main import main
-from weld_force_ros.messages import TOPICS, ForceMap, Message, SpeedCurve, Verdict, decode, encode
+from weld_force_ros.messages import (
+    TOPICS,
+    AssessmentSettings,
+    EdgeReading,
+    ForceMap,
+    Message,
+    ProfileMeasures,
+    SpeedCurve,
+    Verdict,
+    decode,
+    encode,
+)
 
 DEMO = Path(__file__).parents[2] / "bags" / "demo"
 HOSTILE = "[bold]km 12[/] \x1b]0;owned\x07\x1b[2J‮evil‬ <b>"
@@ -52,8 +65,8 @@ def force_map(weld_id: str = "KM12", peaks_kn: tuple[float, ...] = (110, 240, 15
     )
 
 
-def recording(folder: Path, *maps: ForceMap, limits: bool = True) -> Path:
-    by = by_value()
+def recording(folder: Path, *maps: ForceMap, limits: bool = True, by: AssessmentSettings | None = None) -> Path:
+    by = by or by_value()
     messages: list[Message] = [by] if limits else []
     for one in maps:
         messages += [one, judge(one, by)]
@@ -152,7 +165,7 @@ def test_hostile_names_neither_style_nor_steer_the_terminal(capfd, tmp_path):
     ("arguments", "part"),
     [
         (("nowhere",), "does not exist"),
-        ((DEMO, "weld-9"), "holds no verdict on 'weld-9'; name wheel-flat"),
+        ((DEMO, "weld-9"), "holds no verdict on 'weld-9'; name "),
         ((DEMO, "--restrict", "fast"), "'--restrict'"),
         ((DEMO, "--restrict", "-5"), "greater than or equal to 1"),
         ((DEMO, "--restrict", "nan"), "less than or equal to 1000"),
@@ -189,6 +202,64 @@ def test_80_columns_hold_it_and_names_stay_whole():
     shown = on_a_terminal(80, *command)
     assert max(map(len, shown.splitlines())) <= 80
     assert "…" not in shown
+
+
+RULE_BOOKS = load_limits("force,banenor-531")
+
+
+def answered(folder: Path) -> Path:
+    """A recording of verdicts with two answers: one of each decision that a map by hand can have."""
+    measures = ProfileMeasures(
+        kind="dip", dip_m=1e-3, protrusion_m=0.0, gradient_rad=1e-3, straightedge_m=1e-3, spacing_m=2e-3,
+        edges=[EdgeReading(base_m=1.0, peak_m=0.1e-3, dip_m=0.3e-3)],
+    )  # fmt: skip
+    low_passed = {"p2_force_n": [101e3] * 4, "force_20hz_n": [101e3] * 4, "line_speed_kmh": 140.0}
+    names = {
+        "weld-2-rise-between-shrinkages": (101, 102, 103, 104), "KM12": (110, 140, 150, 155),
+        "bad": (110, 240, 250, 260),
+    }  # fmt: skip
+    maps = [force_map(name, peaks, measures=measures, **low_passed) for name, peaks in names.items()]
+    maps.append(force_map("unasked", (110, 140, 150, 155), **low_passed))
+    return recording(folder, *maps, by=RULE_BOOKS)
+
+
+def test_verdicts_with_two_answers_show_both_and_why_each_is_not_accepted(capfd, tmp_path):
+    code, _, err = show(capfd, answered(tmp_path / "bag"))
+    assert code == 0
+    shown = " ".join(err.split())
+    assert "│ REJECT │ bad │ grind │ replace │ 260 │ 100 % │" in shown
+    assert "KM12: Geometry grind: dip under a straightedge of 1 m is 1.50 of its limit" in shown
+    assert "weld.csv: unreadable. No units stated." in shown
+    assert "Force, by model (force): replace. Peak force is 1.73 of its limit" in shown
+    assert "Decided at an accepted risk of 5 %." in shown
+
+
+def test_80_columns_hold_both_answers_and_no_word_breaks(tmp_path):
+    bag = answered(tmp_path / "bag")
+    shown = on_a_terminal(80, sys.executable, "-m", "weld_force_ros.cli", "show", str(bag), "--restrict", "80")
+    assert max(map(len, shown.splitlines())) <= 80
+    assert "…" not in shown
+    words = set(re.split(r"[\s│┃]+", shown))
+    assert {"decision", "geometry", "force", "exceeding", "shrinkages", "UNDECIDED", "UNREADABLE", "REJECT"} <= words
+    assert "KM12 running at most at 80 km/h" in shown
+
+
+def test_rule_books_are_named_with_the_count_of_verified_numbers(tmp_path):
+    code = (
+        "from weld_force_ros.assessment.rule_books import load_limits; from weld_force_ros.cli import terminal; "
+        "terminal.show_rule_books(load_limits('force,banenor-531'))"
+    )
+    shown = on_a_terminal(80, sys.executable, "-c", code)
+    assert re.search(r"banenor-531 │ Bane NOR, Teknisk regelverk 531.*│ +3 of 3", shown)
+    assert re.search(r"force +│.*│ +0 of 6", shown)
+    assert max(map(len, shown.splitlines())) <= 80
+
+
+@pytest.mark.parametrize(
+    ("share", "words"), [(0.0, "0 %"), (1e-9, "<1 %"), (0.5, "50 %"), (0.999, ">99 %"), (1.0, "100 %")]
+)
+def test_a_probability_is_neither_none_nor_all_unless_it_is(share, words):
+    assert terminal.percent(share) == words
 
 
 def test_a_terminal_without_unicode_gets_ascii():

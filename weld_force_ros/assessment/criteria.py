@@ -1,11 +1,12 @@
-"""Define the criteria by which a weld is judged, as numbers that are the worse the larger they are."""
+"""Define the criteria by which a weld is judged, as numbers that are the worse the larger they are, and their names."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from msgspec import UnsetType
+from msgspec import UNSET, UnsetType
 
-from weld_force_ros.messages import Limit, NormPoint, ProfileMeasures, UncertaintyResult
+from weld_force_ros.messages import Criterion, Limit, NormPoint, ProfileMeasures, UncertaintyResult
 from weld_force_ros.physics.analysis.geometry import NORM_MRAD
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.simulation.force_map_view import Passages
@@ -58,6 +59,36 @@ UNITS = {
     "straightedge_peak": "m", "straightedge_dip": "m", "straightedge_abs": "m", "inclination": "rad", "step": "m",
 }  # fmt: skip
 """Unit of each criterion's values; 1 where it has none."""
+
+
+WORDS = {
+    "peak_force": "peak force", "p2_force": "P2 force", "force_20hz": "Qmax, 20 Hz low-pass",
+    "dynamic_factor": "dynamic load factor", "hertz_pressure_index": "contact pressure ratio",
+    "unloading": "wheel unloading", "contact_loss": "contact loss", "quality_index": "quality index",
+    "straightedge": "deviation under a straightedge", "straightedge_peak": "peak under a straightedge",
+    "straightedge_dip": "dip under a straightedge", "straightedge_abs": "peak or dip under a straightedge",
+    "inclination": "inclination", "step": "step",
+}  # fmt: skip
+"""Name of each criterion in a sentence."""
+
+
+def in_words(name: str, base_m: float | UnsetType = UNSET) -> str:
+    """Return a criterion's name as it stands in a sentence, with the length of its straightedge or chord."""
+    words = WORDS.get(name, name)
+    if isinstance(base_m, UnsetType):
+        return words
+    return f"{words} of {base_m:g} m" if name.startswith("straightedge") else f"{words} on a base of {base_m:g} m"
+
+
+def sentence_in_words(text: str, criteria: Sequence[Criterion]) -> str:
+    """Return a sentence of a verdict with its criteria under their names in words."""
+    bases = {c.name: {other.base_m for other in criteria if other.name == c.name} for c in criteria}
+
+    def words(found: re.Match[str]) -> str:
+        of_name = bases.get(found[0], {UNSET})
+        return in_words(found[0], next(iter(of_name)) if len(of_name) == 1 else UNSET)
+
+    return re.sub(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b", words, text)
 
 
 def geometry_values(

@@ -157,7 +157,10 @@ def told_apart(relevant: RelevantMap, limits: AssessmentSettings) -> float | Non
 
 
 def permitted_kmh(verdict: Verdict) -> float | None:
-    """Return the highest computed speed with all forces within limits: 0 if no speed is within limits, None if nothing was said about speed."""
+    """Return the highest computed speed with all forces within limits.
+
+    0 if no speed is within limits, None if nothing was said about speed.
+    """
     if verdict.permitted_speed_kmh is not UNSET:
         return known(verdict.permitted_speed_kmh)
     return 0.0 if verdict.advice_step_kmh is not UNSET else None

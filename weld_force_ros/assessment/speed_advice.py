@@ -9,6 +9,7 @@ line of that speed. Geometry criteria do not depend on speed and are left out.
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -76,7 +77,7 @@ def advise(
 def _avoid(speeds_kmh: FloatArray, worst: Passages, limits: Sequence[Limit], share: float) -> list[SpeedBand]:
     """Return the speeds beyond limits, of those bands that reach beyond them by more than the model's error."""
     rest_n = worst.static_load_n
-    less = {
+    less: dict[str, Any] = {
         name: values if name == "contact_loss_s" else rest_n + (1 - share) * (values - rest_n)
         for name, values in worst.columns.items()
     }

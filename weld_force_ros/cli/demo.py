@@ -21,17 +21,16 @@ def demo(
 ) -> None:
     """Run the whole suite on this machine over the bundled welds, or a trolley's, and show the verdicts."""
     from weld_force_ros.cli import terminal
-    from weld_force_ros.measurement.profile_file import shipped
 
-    run_demo = ros_module("demo").run_demo
+    suite = ros_module("demo")
     folder = out or Path("weld-force-demo") / datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
     with terminal.progress() as bar:
-        task = bar.add_task("measuring, simulating, judging", total=None if trolley else len(shipped()))
-        result = run_demo(folder, track=track, on_outcome=lambda _: bar.advance(task), trolley=trolley)
+        task = bar.add_task("measuring, simulating, judging", total=None if trolley else len(suite.demo_profiles()))
+        result = suite.run_demo(folder, track=track, on_outcome=lambda _: bar.advance(task), trolley=trolley)
     recording = result.recording
     terminal.show_verdicts(recording.verdicts, recording.rejections)
     for settings in recording.limits.values():
-        terminal.show_limits(settings.limits)
+        terminal.show_rule_books(settings)
     if result.seconds_to_verdict:
         slowest = max(result.seconds_to_verdict.values())
         passages = sum(len(m.peak_force_n) for m in recording.force_maps)

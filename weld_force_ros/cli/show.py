@@ -1,6 +1,5 @@
 """`weld-force show`: the welds of a recording on a terminal, and one of them with its force-speed curve."""
 
-import textwrap
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,10 +13,11 @@ from weld_force_ros.errors import InputError
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from weld_force_ros.messages import Criterion, Verdict
+    from weld_force_ros.messages import Criterion, Rejection, Verdict
     from weld_force_ros.recording.weld_records import Record, WeldRecord
 
 _WORST_FIRST = ("reject", "grind", "undecided", "unusable", "accept")
+_UNVERIFIED = "* UNVERIFIED: engineering judgement, or not checked against the source"
 _WIDTH = 80
 _MOST_NAMES = 10
 _SHOWN_AS = {"N": (1e-3, "kN", ".0f"), "m": (1e3, "mm", ".3g"), "s": (1e3, "ms", ".3g"), "1": (1.0, "", ".3g")}
@@ -41,7 +41,14 @@ def show(bag: BagPath, weld: Named = None, restrict: Restrict = None, json: Json
     with json_output.lines(json) as out:
         for one in welds:
             json_output.write(out, one.verdict if restrict is None else _restricted_line(one, restrict))
-    if weld is None:
+    if weld is None and any(terminal.has_answers(one.verdict) for one in welds):
+        terminal.show_answers(f"Welds of {bag}, the worst first", [_message(entry) for entry in entries])
+        if restrict is not None:
+            for one in welds:
+                terminal.say_wrapped(
+                    f"{one.verdict.weld_id} running at most at {restrict:g} km/h: {_restricted(one, restrict)}"
+                )
+    elif weld is None:
         last = "what to do" if restrict is None else f"at most {restrict:g} km/h"
         terminal.table(
             f"Welds of {bag}, the worst first",
@@ -50,6 +57,12 @@ def show(bag: BagPath, weld: Named = None, restrict: Restrict = None, json: Json
         )
     if welds:
         _show_one(welds[0], restrict)
+
+
+def _message(entry: "Record") -> "Verdict | Rejection":
+    from weld_force_ros.recording.weld_records import WeldRecord
+
+    return entry.verdict if isinstance(entry, WeldRecord) else entry.rejection
 
 
 def _read(bag: Path) -> "list[Record]":
@@ -118,7 +131,7 @@ def _compared_with_limit(criterion: "Criterion") -> str:
 
 def _number(value: float, unit: str) -> str:
     factor, _, form = _SHOWN_AS.get(unit, (1.0, unit, ".4g"))
-    return f"{value * factor:{form}}"
+    return f"{value * factor + 0.0:{form}}"
 
 
 def _quantity(value: float, unit: str) -> str:
@@ -167,7 +180,8 @@ def _show_one(weld: "WeldRecord", restrict: float | None) -> None:
     verdict, console = weld.verdict, terminal.console
     console.print()
     console.print(Text.assemble(terminal.decision(verdict.decision), " ", terminal.plain(verdict.weld_id)))
-    _say_wrapped(verdict.reason)
+    for words in terminal.answers_in_words(verdict) or [verdict.reason]:
+        terminal.say_wrapped(words)
     if weld.force_map is None:
         terminal.say("no curve: its force map is not in the recording")
     else:
@@ -175,44 +189,41 @@ def _show_one(weld: "WeldRecord", restrict: float | None) -> None:
         terminal.say(curve_plot(weld.force_map, verdict, width=min(console.width, _WIDTH), unicode=unicode))
     _show_criteria(verdict.criteria)
     for line in (*verdict.advice, *(f"not judged, as it was not computed: {name}" for name in verdict.unjudged)):
-        _say_wrapped(f"- {line}")
+        terminal.say_wrapped(f"- {line}")
     if restrict is not None:
-        _say_wrapped(f"- running at most at {restrict:g} km/h: {_restricted(weld, restrict)}")
-
-
-def _say_wrapped(text: str) -> None:
-    from weld_force_ros.cli import terminal
-
-    terminal.say(textwrap.fill(text, min(terminal.console.width, _WIDTH), subsequent_indent="  "))
+        terminal.say_wrapped(f"- running at most at {restrict:g} km/h: {_restricted(weld, restrict)}")
 
 
 def _show_criteria(criteria: "Sequence[Criterion]") -> None:
     from weld_force_ros.cli import terminal
 
     sampled = any(isinstance(c.exceeding, float) for c in criteria)
-    columns = [("criterion", ""), ("value", "right"), ("limit", "right"), ("reject above", "right")]
+    columns = [("criterion", ""), ("value", "whole right"), ("limit", "right"), ("reject\nabove", "right")]
     columns += [
-        ("at km/h", "right"),
+        ("at\nkm/h", "right"),
         ("running", ""),
         ("", ""),
-        *([("probability of exceedance", "right")] if sampled else []),
+        *([("prob. of\nexceeding", "right")] if sampled else []),
     ]
     terminal.table("Criteria", columns, [_criterion_row(c)[: len(columns)] for c in criteria])
     if not all(c.verified for c in criteria):
-        terminal.say("* UNVERIFIED: this limit was not checked against its source")
+        terminal.say_wrapped(_UNVERIFIED)
 
 
 def _criterion_row(criterion: "Criterion") -> tuple[str, ...]:
+    from weld_force_ros.assessment.criteria import in_words as criterion_in_words
+    from weld_force_ros.cli import terminal
     from weld_force_ros.simulation.running import in_words
 
     c = criterion
+    name = criterion_in_words(c.name, c.base_m) if isinstance(c.rule_book, str) else c.name
     return (
-        c.name if c.verified else f"{c.name}*",
+        name if c.verified else f"{name}*",
         _quantity(c.value, c.unit),
         _number(c.limit, c.unit),
         _number(c.reject_limit, c.unit) if isinstance(c.reject_limit, float) else "",
         f"{c.speed_kmh:g}" if isinstance(c.speed_kmh, float) else "",
         in_words(c.running).removeprefix("running "),
         ("" if c.passed else "over") + ("" if c.decides else " (informative only)"),
-        f"{100 * c.exceeding:.0f} %" if isinstance(c.exceeding, float) else "",
+        terminal.percent(c.exceeding) if isinstance(c.exceeding, float) else "",
     )

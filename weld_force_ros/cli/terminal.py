@@ -1,8 +1,9 @@
 """Tables and progress for people, always on standard error: standard output is for machines."""
 
 import sys
+import textwrap
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -10,7 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 from rich.table import Table as Grid
 from rich.text import Text
 
-from weld_force_ros.messages import Decision, ForceMap, Limit, Rejection, Verdict
+from weld_force_ros.messages import Answer, AssessmentSettings, Decision, ForceMap, Rejection, Verdict
 from weld_force_ros.studies.result_table import Table
 
 if TYPE_CHECKING:
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
 console = Console(stderr=True, highlight=False, width=None if sys.stderr.isatty() else 120)
 
 _COLOURS = {"accept": "green", "grind": "yellow", "reject": "red", "undecided": "blue"}
+_ANSWERS = {"reject": "replace"}
+"""What is to be done with a weld, where the answer's own word does not say it."""
+_WIDTH = 80
+_NAME_WIDTH = 15
 
 
 def plain(text: str) -> str:
@@ -47,11 +52,22 @@ def progress() -> Progress:
 
 
 def table(title: str, columns: Iterable[tuple[str, str]], rows: Iterable[Iterable[str | Text]]) -> None:
-    """Print a table; each column is its heading and its alignment."""
+    """Print a table; each column is its heading and its alignment.
+
+    Args:
+        title: above it.
+        columns: heading and `right`, `whole` if cells are not to be wrapped, both or nothing.
+        rows: a cell for each column.
+    """
     console.print(Text(plain(title), style="bold"))
     grid = Grid()
     for heading, alignment in columns:
-        grid.add_column(heading, justify="right" if alignment == "right" else "left", overflow="fold")
+        grid.add_column(
+            heading,
+            justify="right" if "right" in alignment else "left",
+            overflow="fold",
+            no_wrap="whole" in alignment or "\n" in heading,
+        )
     for row in rows:
         grid.add_row(*(cell if isinstance(cell, Text) else Text(plain(cell)) for cell in row))
     console.print(grid)
@@ -110,8 +126,11 @@ def _model_error_kn(force_map: ForceMap, peak_n: float) -> str:
     return f"{force_map.model_error * (peak_n - force_map.static_load_n) / 1e3:.1f}"
 
 
-def show_verdicts(verdicts: Iterable[Verdict], rejections: Iterable[Rejection] = ()) -> None:
-    """Print one line a weld: the decision first, then why."""
+def show_verdicts(verdicts: Sequence[Verdict], rejections: Sequence[Rejection] = ()) -> None:
+    """Print one line a weld: the decision first, then why; of verdicts with two answers, these, and reasons below."""
+    if any(has_answers(verdict) for verdict in verdicts):
+        show_answers("Verdicts", [*verdicts, *rejections])
+        return
     from weld_force_ros.simulation.running import in_words
 
     rows: list[tuple[str | Text, ...]] = []
@@ -140,6 +159,107 @@ def show_verdicts(verdicts: Iterable[Verdict], rejections: Iterable[Rejection] =
         ],
         rows,
     )  # fmt: skip
+
+
+def has_answers(verdict: Verdict) -> bool:
+    """Return whether a verdict answers for geometry and force apart; those of earlier versions do not."""
+    return isinstance(verdict.geometry, Answer) and isinstance(verdict.force, Answer)
+
+
+def show_answers(title: str, of: Iterable[Verdict | Rejection]) -> None:
+    """Print one line a weld with the answers for geometry and force; below, why each is not accepted and what to do."""
+    rows: list[tuple[str | Text, ...]] = []
+    reasons = []
+    for one in of:
+        if isinstance(one, Rejection):
+            rows.append((unreadable(), _broken(one.source), "", "", "", ""))
+            reasons.append(f"{one.source}: unreadable. {sentence(one.reason)} {sentence(one.remedy)}")
+            continue
+        answers = [found for found in (one.geometry, one.force) if isinstance(found, Answer)]
+        exceeding = [found.exceeding for found in answers if isinstance(found.exceeding, float)]
+        rows.append(
+            (
+                decision(one.decision),
+                _broken(one.weld_id),
+                *([_answer(found) for found in answers] or [Text(), Text()]),
+                f"{one.peak_force_n / 1e3:.0f}",
+                percent(max(exceeding)) if exceeding else "",
+            )
+        )
+        reasons += [] if one.decision == "accept" else [reason(one)]
+    table(
+        title,
+        [
+            ("decision", "whole"), ("weld", ""), ("geometry", "whole"), ("force", "whole"), ("peak\nkN", "right"),
+            ("prob. of\nexceeding", "right"),
+        ],
+        rows,
+    )  # fmt: skip
+    for words in reasons:
+        say_wrapped(words)
+
+
+def reason(verdict: Verdict) -> str:
+    """Return why a weld is not accepted, and what to measure next, in a line."""
+    from weld_force_ros.assessment.criteria import sentence_in_words
+
+    parts = [
+        f"{name.capitalize()} {answer_word(found)}: {sentence_in_words(found.reason, verdict.criteria)}."
+        for name, found in (("geometry", verdict.geometry), ("force", verdict.force))
+        if isinstance(found, Answer) and found.decision != "accept"
+    ]
+    if isinstance(verdict.measure_next, str):
+        parts.append(f"Next: {sentence_in_words(verdict.measure_next, verdict.criteria)}.")
+    return f"{verdict.weld_id}: {' '.join(parts) or sentence(sentence_in_words(verdict.reason, verdict.criteria))}"
+
+
+def answers_in_words(verdict: Verdict) -> list[str]:
+    """Return both answers with what they rest on, what to measure, and the accepted risk; none of older verdicts."""
+    from weld_force_ros.assessment.criteria import sentence_in_words
+
+    asked = (("Geometry, by standard", verdict.geometry), ("Force, by model", verdict.force))
+    lines = [
+        f"{question} ({', '.join(found.rule_books) or 'no rule book'}): {answer_word(found)}. "
+        f"{sentence(sentence_in_words(found.reason, verdict.criteria))}"
+        for question, found in asked
+        if isinstance(found, Answer)
+    ]
+    if isinstance(verdict.measure_next, str):
+        lines.append(f"Next: {sentence_in_words(verdict.measure_next, verdict.criteria)}.")
+    if isinstance(verdict.accepted_risk, float):
+        lines.append(f"Decided at an accepted risk of {verdict.accepted_risk:.0%}.".replace("%", " %"))
+    return lines
+
+
+def answer_word(answer: Answer) -> str:
+    """Return an answer as tables and sentences show it."""
+    return _ANSWERS.get(answer.decision, answer.decision)
+
+
+def _answer(answer: Answer) -> Text:
+    return Text(answer_word(answer), style=_COLOURS.get(answer.decision, ""))
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent; what is neither none nor all is not shown as such."""
+    if 0 < share < 0.01:
+        return "<1 %"
+    return ">99 %" if 0.99 < share < 1 else f"{100 * share:.0f} %"
+
+
+def sentence(clause: str) -> str:
+    """Return a clause with a capital letter and a full stop; nothing of nothing."""
+    return clause and clause[0].upper() + clause[1:] + ("" if clause.endswith((".", "!", "?")) else ".")
+
+
+def say_wrapped(text: str) -> None:
+    """Print a line, broken between words at the width of the terminal."""
+    say(textwrap.fill(plain(text), min(console.width, _WIDTH), subsequent_indent="  ", break_on_hyphens=False))
+
+
+def _broken(name: str) -> str:
+    """Return a name in lines that break after hyphens, so that no word of it breaks in a narrow column."""
+    return textwrap.fill(plain(name), max(_NAME_WIDTH, console.width - 65), break_long_words=False)
 
 
 def show_changed(title: str, changed: Iterable["Changed"]) -> None:
@@ -193,14 +313,20 @@ def _decisions(was: Verdict, now: Verdict) -> Text:
     return Text.assemble(decision(was.decision), " → ", decision(now.decision))
 
 
-def show_limits(limits: Iterable[Limit]) -> None:
-    """Print the limits applied, and which of them are not verified."""
+def show_rule_books(settings: AssessmentSettings) -> None:
+    """Print the rule books applied, each with the number of its limits that stand in a text that was read."""
+    from weld_force_ros.assessment.rule_books import titles
+
+    own = [limit for limit in settings.limits if not isinstance(limit.rule_book, str)]
+    books = [
+        (book.name, book.title, [limit for limit in settings.limits if limit.rule_book == book.name])
+        for book in titles(settings)
+    ]
     table(
-        "Limits applied",
-        [("criterion", ""), ("grind above", "right"), ("reject above", "right"), ("unit", ""), ("source", "")],
+        "Judged by",
+        [("rule book", "whole"), ("what", ""), ("numbers\nverified", "right")],
         [
-            (limit.name, f"{limit.limit:g}", f"{limit.reject_limit:g}", limit.unit,
-             limit.source if limit.verified else Text(f"UNVERIFIED: {limit.source}", style="yellow"))
-            for limit in limits
+            (name, what, f"{sum(limit.verified for limit in limits)} of {len(limits)}")
+            for name, what, limits in [*books, *([("", "limits of no rule book", own)] if own else [])]
         ],
-    )  # fmt: skip
+    )

@@ -1,6 +1,5 @@
 """Run the demo: the nodes on this machine over bundled profiles, or over what a simulated trolley measures."""
 
-import shutil
 import threading
 import time
 from collections.abc import Callable
@@ -14,8 +13,12 @@ from weld_force_ros.recording.recording import Recording, open_recording
 from weld_force_ros.ros import environment
 from weld_force_ros.ros.launcher import stop_signals
 from weld_force_ros.ros.node_suite import ALL_KINDS, KINDS, Kind, NodeSuite
+from weld_force_ros.ros.nodes.trolley_node import LINE_SPEED_KMH
 
 OUTCOME_WITHIN_S = 300.0
+LIMITS = "force,banenor-531"
+NO_WELD = "wheel-flat-0.9mm"
+"""A bundled profile that is a vehicle's defect, for studies."""
 TROLLEY_LENGTH_M = 110.0
 TROLLEY_RATE = 10.0
 SAMPLES = 60
@@ -30,6 +33,11 @@ class DemoResult:
     recording: Recording
     seconds_to_verdict: dict[str, float]
     left: int
+
+
+def demo_profiles() -> dict[str, Path]:
+    """Return the files of the bundled welds by name."""
+    return {name: path for name, path in profile_file.shipped().items() if name != NO_WELD}
 
 
 def run_demo(folder: Path, *, track: str, on_outcome: Callable[[str], None], trolley: bool = False) -> DemoResult:
@@ -55,7 +63,7 @@ def run_demo(folder: Path, *, track: str, on_outcome: Callable[[str], None], tro
         "trolley": {"length_m": TROLLEY_LENGTH_M, "rate": TROLLEY_RATE},
         "profile": {"folder": str(measurements), "rail": "left" if trolley else ""},
         "simulator": {"track": track, "uncertainty_samples": SAMPLES},
-        "assessment": {"bag": str(bag)},
+        "assessment": {"bag": str(bag), "limits": LIMITS},
     }
     suite = NodeSuite(
         ALL_KINDS if trolley else KINDS,
@@ -69,10 +77,11 @@ def run_demo(folder: Path, *, track: str, on_outcome: Callable[[str], None], tro
             _await(lambda: simulated.finished, suite, stop)
             expected = len(simulated.rail.welds)
         else:
-            expected = len(profile_file.shipped())
-            for name, path in profile_file.shipped().items():
+            expected = len(demo_profiles())
+            for name, path in demo_profiles().items():
+                stated = f"# line_speed_kmh: {LINE_SPEED_KMH:g}\n{path.read_text(encoding='utf-8')}"
                 times.since_s[name] = time.monotonic()
-                shutil.copyfile(path, measurements / path.name)
+                (measurements / path.name).write_text(stated, encoding="utf-8")
         _await(lambda: len(times.seconds) >= expected, suite, stop)
         left = suite.drain()
         failure = suite.failure

@@ -17,6 +17,8 @@ from weld_force_ros.ros.contract_topics import ContractTopics
 from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
 from weld_force_ros.ros.nodes.trolley_input import CAPTURE_SERVICE
 
+LINE_SPEED_KMH = 160.0
+"""Of the line that the simulated rail lies in."""
 _POLL_S = 0.05
 _ANSWER_S = 5.0
 _PRESS_AGAIN_S = 0.5
@@ -134,7 +136,9 @@ class TrolleyNode(LifecycleNodeBase):
 
     def _mark(self, placed: PlacedWeld) -> None:
         if self._marks == "marker":
-            self.topics.publish(WeldMarker(chainage_m=placed.chainage_m, weld_id=placed.weld_id))
+            self.topics.publish(
+                WeldMarker(chainage_m=placed.chainage_m, weld_id=placed.weld_id, line_speed_kmh=LINE_SPEED_KMH)
+            )
         elif self._marks == "service":
             self._call_service()
 
