@@ -1,5 +1,6 @@
 """Welds for the report's tests: assessed on a small grid, and by hand what no small grid gives."""
 
+import dataclasses
 from functools import cache
 
 from msgspec import UNSET
@@ -8,6 +9,7 @@ from msgspec.structs import replace
 from tests.harness.limits import by_value
 from weld_force_ros import SOFTWARE
 from weld_force_ros.assessment.judge import assess
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.measurement.profile_file import find, read_profile
 from weld_force_ros.messages import (
     ForceMap,
@@ -41,8 +43,14 @@ def settings() -> SimulationSettings:
 
 
 @cache
-def weld(name: str, scale: float = 1.0, line_speed_kmh: float | None = None, at_m: float | None = None) -> WeldRecord:
-    """A shipped profile, scaled, as everything found out about it."""
+def weld(
+    name: str,
+    scale: float = 1.0,
+    line_speed_kmh: float | None = None,
+    at_m: float | None = None,
+    rule_books: str | None = None,
+) -> WeldRecord:
+    """A shipped profile, scaled, as everything found out about it; judged by value where no rule book is named."""
     profile = read_profile(find(name))
     z = [scale * value for value in profile.z_m]
     profile = replace(
@@ -55,9 +63,21 @@ def weld(name: str, scale: float = 1.0, line_speed_kmh: float | None = None, at_
         rail="left",
         chainage_m=12034.5,
     )
-    limits = by_value()
+    limits = by_value() if rule_books is None else load_limits(rule_books)
     found = assess(profile, _simulator(), limits)
     return WeldRecord(found.verdict, found.force_map, profile, found.history, settings(), limits)
+
+
+def answered() -> WeldRecord:
+    """A weld whose geometry is over a standard's limit and whose forces are undecided."""
+    base = weld("weld-4-steep-ramp", line_speed_kmh=160.0, rule_books="force,banenor-531")
+    assert base.profile is not None
+    return dataclasses.replace(base, profile=replace(base.profile, measured_on="2026-11-20"))
+
+
+def not_assessed() -> WeldRecord:
+    """A weld that no rule book on geometry was chosen for."""
+    return weld("cosine-dip-48mm", line_speed_kmh=160.0, rule_books="force")
 
 
 def undecided() -> WeldRecord:

@@ -44,6 +44,12 @@ test("a limit holds above one speed and up to another", () => {
   assert.deepEqual([100, 101, 160, 161].map((speed) => holdsAt(limit, speed)), [false, true, true, false]);
 });
 
+test("a limit holds from one speed and below another", () => {
+  const limit = {limit: 1, verified: true, from_kmh: 100, below_kmh: 160};
+  assert.deepEqual([99, 100, 159, 160].map((speed) => holdsAt(limit, speed)), [false, true, true, false]);
+  assert.deepEqual(limitSteps({limits: [{...limit, from_kmh: 110, below_kmh: 130}]}, MAP.speeds_kmh, "limit"), [{from: 110, to: 130, value: 1, verified: true}]);
+});
+
 test("limits become steps within the speeds shown", () => {
   const limits = [
     {limit: 5, verified: true, to_kmh: 110}, {limit: 4, reject_limit: 6, verified: false, above_kmh: 110},

@@ -2,7 +2,7 @@ const assert = require("node:assert/strict");
 const test = require("node:test");
 const {FakeElement, load} = require("./page_scripts.js");
 
-const {FrontTable, COLUMNS, permittedCell} = load(["words.js", "table.js"], ["FrontTable", "COLUMNS", "permittedCell"]);
+const {FrontTable, COLUMNS, basisParts, permittedCell} = load(["words.js", "table.js"], ["FrontTable", "COLUMNS", "basisParts", "permittedCell"]);
 
 const row = (n, more = {}) => ({n, weld: `weld-${n}`, decision: "accept", advice: "Leave it as it is", ...more});
 
@@ -83,4 +83,34 @@ test("the permitted speed is none, part, or all of what was judged", () => {
   assert.deepEqual(words(0), ["none"]);
   assert.deepEqual(words(120), ["120 km/h", "of 160 km/h"]);
   assert.deepEqual(words(200), ["160 km/h", "all speeds judged"]);
+});
+
+const BASIS = {rule_books: ["force: Forces by model"], risk: 0.05, track: "bilbao", static_n: 100e3, unsprung_kg: 600, measured_on: "2026-11-20", line_kmh: 160};
+
+test("columns of the two answers show where a verdict has them", () => {
+  const hidden = (made) => COLUMNS.filter((_, i) => made.heads[i].hidden).map(({id}) => id);
+  const made = table([row(1)]);
+  assert.deepEqual(hidden(made), ["geometry", "force"]);
+  made.add([row(2, {basis: BASIS, geometry: {decision: "not assessed"}, force: {decision: "reject", exceeding: 1}})]);
+  assert.deepEqual(hidden(made), []);
+  const words = made.lines.get(2).textContent;
+  assert.ok(words.includes("–Not assessed✕Replaceover a limit: 100 %"), words);
+  made.sortBy(column("force"));
+  assert.deepEqual(shown(made), [2, 1]);
+});
+
+test("the front says what decisions rest on, and what nobody stated", () => {
+  const other = {...BASIS, measured_on: undefined, line_kmh: undefined, unsprung_kg: undefined};
+  const words = Object.fromEntries(basisParts([BASIS, other]).map((part) => part.children.map((child) => child.textContent)).map(([name, ...values]) => [name, values]));
+  assert.deepEqual(words["Rule books"], ["force: Forces by model"]);
+  assert.deepEqual(words["Accepted risk"], ["5 % of exceeding a limit"]);
+  assert.deepEqual(words.Vehicle, ["static wheel load 100 kN, unsprung mass 600 kg per wheel", "static wheel load 100 kN, unsprung mass not known"]);
+  assert.deepEqual(words["Measured on"], ["2026-11-20", "date not stated for 1 of 2"]);
+  assert.deepEqual(words["Line speed"], ["160 km/h", "line speed not stated for 1 of 2"]);
+  assert.deepEqual(basisParts([]), []);
+});
+
+test("many values are a range", () => {
+  const speeds = [80, 100, 120, 140, 200].map((line_kmh) => ({...BASIS, line_kmh}));
+  assert.ok(basisParts(speeds).at(-1).textContent.includes("80 km/h to 200 km/h"));
 });

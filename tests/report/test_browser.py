@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from tests.harness.reports import entries, hostile, unusable, weld
+from tests.harness.reports import answered, entries, hostile, not_assessed, unusable, weld
 from weld_force_ros.recording.weld_records import Record
 from weld_force_ros.report import pdf as printing
 from weld_force_ros.report.html_page import page
@@ -160,7 +160,7 @@ def quiet(watched: Watched, file: Path) -> None:
 def test_the_table_sorts_by_every_column_both_ways_and_filters(desk, file):
     page = open_page(desk, file)
     assert shown(page)[0] == "wheel-flat-0.9mm"
-    for heading in page.locator(".welds thead button").all():
+    for heading in page.locator(".welds thead button:visible").all():
         heading.click()
         once = shown(page)
         heading.click()
@@ -264,6 +264,27 @@ def test_every_kind_of_weld_is_shown_without_scrolling_sideways(either, file, nu
     )  # fmt: skip
     unverified = page.locator("#weld .unverified").count()
     assert unverified > 0 or number == 6
+    quiet(either, file)
+
+
+def test_both_answers_stand_side_by_side_or_below_each_other(either, tmp_path_factory):
+    file = written(tmp_path_factory.mktemp("answers") / "answers.html", [answered(), not_assessed(), unusable()])
+    page = open_page(either, file)
+    basis = page.locator(".basis").inner_text()
+    for words in ("banenor-531", "5 % of exceeding", "bilbao", "100 kN", "600 kg", "2026-11-20", "160 km/h"):
+        assert words in basis
+    assert page.locator(".welds .c-geometry .badge").all_text_contents() == ["◐Grind", "–Not assessed"]
+    assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+    for number in (1, 2):
+        open_page(either, file, f"#weld-{number}")
+        drawn(page)
+        assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+        geometry, force = (box.bounding_box() for box in page.locator("#weld .answer").all())
+        assert (geometry["y"] == force["y"]) == (page.viewport_size["width"] > 800)
+        assert page.locator("#weld .headline").bounding_box()["y"] > force["y"]
+        assert 1 <= page.locator("body").inner_text().count("UNVERIFIED") <= 2
+        assert [text for ratio, text in page.evaluate(CONTRASTS) if ratio < 4.5] == []
+    assert "weld-force limits list" in page.locator("#weld .answer").first.inner_text()
     quiet(either, file)
 
 

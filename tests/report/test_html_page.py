@@ -5,13 +5,27 @@ import gzip
 import json
 import re
 import subprocess
+from dataclasses import replace as replace_record
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from tests.harness.limits import OF_1_3, by_value
-from tests.harness.reports import HOSTILE, ancient, entries, ground, hostile, undecided, unusable, weld
+from tests.harness.reports import (
+    HOSTILE,
+    ancient,
+    answered,
+    entries,
+    ground,
+    hostile,
+    not_assessed,
+    undecided,
+    unusable,
+    weld,
+)
+from weld_force_ros.assessment.criteria import CRITERIA, WORDS
 from weld_force_ros.assessment.judge import assess
 from weld_force_ros.cli.main import main
 from weld_force_ros.errors import InputError
@@ -20,6 +34,7 @@ from weld_force_ros.messages import encode
 from weld_force_ros.recording import weld_records
 from weld_force_ros.recording.recording import Recording, open_recording
 from weld_force_ros.recording.weld_records import Record, WeldRecord
+from weld_force_ros.report import html_page
 from weld_force_ros.report import pdf as printing
 from weld_force_ros.report.html_page import page
 from weld_force_ros.report.table_row import row
@@ -75,6 +90,99 @@ def test_a_row_of_a_ground_weld_says_how_much_and_of_an_undecided_one_what_to_me
     measure = "measure the weld's distance from the sleeper before it"
     assert row(1, undecided())["advice"] == f"Further measurement required: {measure}"
     assert row(1, unusable())["advice"] == "sample 12: z is not a finite number: measure again"
+
+
+def test_a_row_of_two_answers_holds_both_and_what_they_rest_on():
+    shown = row(1, answered())
+    assert (shown["decision"], shown["geometry"]["decision"], shown["force"]["decision"]) == (
+        "grind", "grind", "undecided",
+    )  # fmt: skip
+    assert 0.05 < shown["force"]["exceeding"] < 0.95
+    assert shown["worst"]["base_m"] == 1.0
+    basis = shown["basis"]
+    assert [book.partition(":")[0] for book in basis["rule_books"]] == ["force", "banenor-531"]
+    assert (basis["risk"], basis["static_n"], basis["line_kmh"]) == (0.05, 100e3, 160.0)
+    assert (basis["track"], basis["unsprung_kg"], basis["measured_on"]) == ("bilbao", 600.0, "2026-11-20")
+
+
+def test_speeds_in_a_rows_words_are_rounded_down():
+    base = answered()
+    slow = row(1, replace_record(base, verdict=replace(base.verdict, permitted_speed_kmh=109.0)))
+    assert slow["advice"] == "Grind; computed forces are within limits up to 105 km/h"
+    assert slow["permitted_kmh"] == 109.0
+
+
+def test_a_weld_that_no_grinding_helps_is_to_be_replaced():
+    tried = replace(ground().grinding, reached=False)
+    advice = row(1, replace_record(answered(), grinding=tried))["advice"]
+    assert advice.startswith("No grinding was found that helps: replace it (re-weld); computed forces are within")
+
+
+def test_an_undecided_weld_is_advised_what_to_measure_next():
+    base = answered()
+    undecided = replace(base.verdict, decision="undecided", measure_next="no measurement of the weld decides p2_force")
+    assert row(1, replace_record(base, verdict=undecided))["advice"] == (
+        "No measurement of the weld decides P2 force"
+    )  # fmt: skip
+    shown = row(1, not_assessed())
+    assert (shown["decision"], shown["geometry"]) == ("undecided", {"decision": "not assessed"})
+    assert shown["advice"].startswith("Choose a rule book on the geometry: `--limits force,NAME`")
+
+
+def test_details_of_two_answers_name_criterion_and_authority():
+    found = content(answered())
+    geometry, force = found["verdict"]["geometry"], found["verdict"]["force"]
+    assert (geometry["nearest"]["name"], geometry["nearest"]["base_m"]) == ("straightedge_peak", 1.0)
+    assert geometry["verified"]
+    assert geometry["nearest"]["source_kind"] == "standard"
+    assert (force["nearest"]["source_kind"], force["doubts"]) == ("judgement", [])
+    assert found["basis"] == row(1, answered())["basis"]
+    assert "peak_force" not in found["verdict"]["reason"]
+    about = dict(found["provenance"])
+    assert about["limits"] == "force (0 of 6 numbers verified), banenor-531 (3 of 3 numbers verified)"
+    assert about["rules"].startswith("accepted risk 5%; ")
+    assert "UNVERIFIED" not in str(about)
+    unasked = content(not_assessed())["verdict"]["geometry"]
+    assert "nearest" not in unasked
+    assert "weld-force limits list" in unasked["to_choose"]
+
+
+def test_what_stands_in_the_way_of_accepting_is_told_apart():
+    base = weld("weld-4-steep-ramp", rule_books="force")
+    assert content(base)["verdict"]["force"]["doubts"][0].startswith(
+        "the line's speed is not stated: forces are within"
+    )
+    short = weld("cosine-dip-48mm", line_speed_kmh=310.0, rule_books="force")
+    assert content(short)["verdict"]["force"]["doubts"][0].startswith("forces hold up to 300 km/h")
+
+
+def test_limits_are_drawn_at_what_they_come_to():
+    series = {s["name"]: s for s in content(answered())["curves"]["series"]}
+    assert [(one["limit"], one["reject_limit"]) for one in series["peak_force"]["limits"]] == [(150e3, 200e3)]
+    speeds = content(answered())["curves"]["speeds_kmh"]
+    permitted = answered().verdict.permitted_speed_kmh
+    within = [speed for i, speed in enumerate(speeds) if all(s["within"][i] == "1" for s in series.values())]
+    assert max(within) == permitted
+
+
+def test_no_local_minimum_below_the_models_error_is_outlined():
+    cells = {books: content(weld("weld-1-dip", rule_books=books))["map"]["hollow"] for books in (None, "force")}
+    assert cells[None].count("1") > cells["force"].count("1")
+    assert content(answered())["curves"]["error_share"] > 0.1
+    assert "error_share" not in content(weld("weld-1-dip"))["curves"]
+
+
+def test_older_verdicts_have_neither_answers_nor_their_basis():
+    assert not {"geometry", "force", "basis"} & row(1, undecided()).keys()
+    found = content(undecided())
+    assert "basis" not in found
+    assert not {"geometry", "force"} & found["verdict"].keys()
+
+
+def test_the_page_has_words_for_every_criterion():
+    words = (Path(html_page.__file__).parent / "assets" / "words.js").read_text()
+    assert [name for name in CRITERIA if f"  {name}: " not in words] == []
+    assert WORDS.keys() == set(CRITERIA)
 
 
 def test_nothing_said_about_speed_is_not_a_speed_of_nought():

@@ -2,7 +2,7 @@ const assert = require("node:assert/strict");
 const test = require("node:test");
 const {load} = require("./page_scripts.js");
 
-const names = ["beyondUpTo", "changeWords", "restrictionWords", "sentence", "stretches", "untilWords", "whatToDo", "why"];
+const names = ["answerPart", "beyondUpTo", "changeWords", "curveWords", "marginWords", "restrictionTable", "riskWords", "restrictionWords", "sentence", "stretches", "untilWords", "whatToDo", "why"];
 const page = load(["words.js", "source.js", "table.js", "charts.js", "weld.js"], names);
 
 const criterion = (more) => ({name: "peak_force", value: 210e3, limit: 200e3, unit: "N", passed: false, verified: true, ratio: 1.05, ...more});
@@ -55,7 +55,47 @@ test("a restriction is still beyond limits where a lower speed is", () => {
 });
 
 test("a change too small to print is not said", () => {
-  assert.equal(page.changeWords(4e-4, "than before").length, 0);
+  assert.equal(page.changeWords(100.04e3, 100e3, "than before", {}).length, 0);
+});
+
+test("no difference below the model's error is an advantage of slowing down", () => {
+  const error = {error_share: 0.2, static_n: 100e3};
+  assert.deepEqual(page.changeWords(141e3, 150e3, "than before", error), [", no difference beyond the model's error"]);
+  assert.equal(page.changeWords(139e3, 150e3, "than before", error)[1].textContent, "7 % less");
+  const restrictions = [[160, 150e3], [140, 141e3], [120, 130e3]].map(([speed_kmh, peak_force_n]) => ({speed_kmh, peak_force_n, change: peak_force_n / 150e3 - 1, within_limits: true}));
+  assert.equal(page.restrictionTable({restrictions}, error).textContent,
+    "Restricted to: 140 km/h no difference beyond the model's error (within limits), 120 km/h −13 % (within limits)");
+});
+
+const EDGE = criterion({name: "straightedge_dip", value: 0.19e-3, limit: 0.05e-3, unit: "m", base_m: 1, rule_book: "banenor-531", source_kind: "standard", source: "TRV"});
+
+test("an answer names criterion, margin, probability and authority", () => {
+  const words = page.answerPart("Geometry, by standard", {decision: "grind", rule_books: ["banenor-531"], margin: -2.8, exceeding: 0.999, doubts: ["the record is short"], nearest: EDGE, source: "TRV", verified: true}).textContent;
+  for (const part of ["◐Grind", "Rule bookbanenor-531", "above 99 %", "Dip under a straightedge of 1 m: 0.19 mm of 0.05 mm", "280 % beyond the limit", "verified, read in the standard", "TRV", "The record is short."]) {
+    assert.ok(words.includes(part), part);
+  }
+  assert.ok(!words.includes("UNVERIFIED"));
+});
+
+test("a limit by judgement says so, and a margin to a limit of nothing has no share", () => {
+  const judgement = {decision: "undecided", exceeding: 0.5, margin: 0.2, doubts: [], nearest: criterion({passed: true, verified: false, source_kind: "judgement", source: "anchored"})};
+  assert.ok(page.answerPart("Force, by model", judgement).textContent.includes("UNVERIFIED engineering judgement, no standard"));
+  assert.equal(page.marginWords({margin: 0.2}), "20 % of the limit is left");
+  assert.equal(page.marginWords({nearest: {passed: false}}), "over a limit of 0");
+});
+
+test("what was not assessed says how to choose a rule book", () => {
+  const words = page.answerPart("Geometry, by standard", {decision: "not assessed", doubts: [], to_choose: "choose one: `--limits force,NAME`"}).textContent;
+  assert.ok(words.includes("–Not assessedNo limit of this kind was chosen. To have it assessed, choose one: --limits force,NAME."));
+});
+
+test("the overall decision carries its risk, and speeds in sentences are rounded down", () => {
+  const verdict = {decision: "undecided", geometry: {decision: "not assessed"}, force: {decision: "accept"}, accepted_risk: 0.05, measure: "choose a rule book", judged_speed_kmh: 160, permitted_speed_kmh: 109, advice_step_kmh: 1};
+  assert.equal(page.riskWords(verdict), "Overall, at an accepted risk of 5 %; accepted only where both questions are answered");
+  assert.equal(page.whatToDo(verdict), "Choose a rule book.");
+  assert.equal(page.untilWords(verdict), "Highest computed speed with all forces within limits: 105 km/h (computed up to 160 km/h).");
+  assert.deepEqual(page.curveWords({...verdict, curve_class: "rises"}), ["no local minimum", "that exceeds the model's error"]);
+  assert.deepEqual(page.curveWords({curve_class: "rises"}), ["rises", "slower is never worse"]);
 });
 
 test("neighbouring positions of one decision become one stretch that ends at the next sleeper", () => {

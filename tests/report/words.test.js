@@ -2,9 +2,9 @@ const assert = require("node:assert/strict");
 const test = require("node:test");
 const {load} = require("./page_scripts.js");
 
-const {badge, byId, criterionInSentence, element, kmh, lastOf, number, percent, quantity, timesLimit, unitOf} = load(
+const {answerBadge, authority, badge, byId, criterionInSentence, criterionName, element, kmh, lastOf, number, percent, probability, proseKmh, quantity, timesLimit, unitOf, withCode} = load(
   ["words.js"],
-  ["badge", "byId", "criterionInSentence", "element", "kmh", "lastOf", "number", "percent", "quantity", "timesLimit", "unitOf"],
+  ["answerBadge", "authority", "badge", "byId", "criterionInSentence", "criterionName", "element", "kmh", "lastOf", "number", "percent", "probability", "proseKmh", "quantity", "timesLimit", "unitOf", "withCode"],
 );
 
 test("numbers keep their significant digits and whole hundreds", () => {
@@ -54,4 +54,36 @@ test("a criterion inside a sentence keeps its symbols", () => {
 test("an element that a page lacks is named", () => {
   assert.throws(() => byId("nowhere"), /#nowhere/);
   assert.equal(lastOf([1, 2]), 2);
+});
+
+test("a criterion names the straightedge or chord that it is measured on", () => {
+  assert.equal(criterionName("straightedge_peak", 1), "Peak under a straightedge of 1 m");
+  assert.equal(criterionName("quality_index", 1), "Quality index (gradient), on a base of 1 m");
+  assert.equal(criterionInSentence("straightedge_dip", 0.1), "dip under a straightedge of 0.1 m");
+  assert.equal(quantity(1.2e-3, "rad"), "1.2 mrad");
+});
+
+test("probabilities that are neither none nor all are not shown as such", () => {
+  assert.deepEqual([0, 1e-10, 0.5, 0.999, 1].map(probability), ["0 %", "below 1 %", "50 %", "above 99 %", "100 %"]);
+});
+
+test("speeds in sentences are rounded down to 5 km/h", () => {
+  assert.deepEqual([109, 105, 3].map(proseKmh), ["105 km/h", "105 km/h", "3 km/h"]);
+});
+
+test("an answer is what is to be done, or that nobody asked", () => {
+  assert.equal(answerBadge("reject").textContent, "✕Replace");
+  assert.equal(answerBadge("not assessed").attributes.get("class"), "badge none");
+});
+
+test("a limit stands on somebody's authority", () => {
+  assert.equal(authority({verified: true, source_kind: "quotation"}), "verified, read in a publication that quotes the standard");
+  assert.equal(authority({verified: false, source_kind: "judgement"}), "engineering judgement, no standard");
+  assert.equal(authority({verified: false, source_kind: "standard"}), "not checked against its source");
+  assert.equal(authority({verified: true}), "verified");
+});
+
+test("commands between backticks become code, and only text", () => {
+  const [before, code] = withCode("say `<b>`");
+  assert.deepEqual([before, code.tag, code.textContent], ["say ", "code", "<b>"]);
 });

@@ -1,17 +1,21 @@
 """The data of one weld's section of the page: gzip of JSON, some kilobytes, no more points than a screen shows."""
 
 import gzip
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
 import numpy as np
-from msgspec import UNSET
+from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
 
-from weld_force_ros.assessment.criteria import FORCE_CRITERIA
-from weld_force_ros.assessment.limits import decides, ratio
+from weld_force_ros.assessment.criteria import FORCE_CRITERIA, sentence_in_words
+from weld_force_ros.assessment.judge import told_apart
+from weld_force_ros.assessment.limits import decides, levels, ratio, within_limits
+from weld_force_ros.assessment.rule_books import titles
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import (
+    Answer,
     AssessmentSettings,
     Criterion,
     ForceHistory,
@@ -29,8 +33,14 @@ from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.wheel_path import wheel_path_over
 from weld_force_ros.recording.weld_records import Record, WeldRecord
 from weld_force_ros.report.numbers import decimals, short, significant, thinned, without_none
-from weld_force_ros.report.table_row import what_to_measure
-from weld_force_ros.simulation.force_map_view import RelevantMap, force_curve, relevant_range, worse_passages
+from weld_force_ros.report.table_row import NOT_ASSESSED, basis, measure_next, what_to_measure
+from weld_force_ros.simulation.force_map_view import (
+    Passages,
+    RelevantMap,
+    force_curve,
+    relevant_range,
+    worse_passages,
+)
 from weld_force_ros.simulation.measured_geometry import standard_deviation
 from weld_force_ros.simulation.running import in_words
 
@@ -60,10 +70,12 @@ def _rejected(rejection: Rejection) -> dict[str, Any]:
 
 
 def _weld(weld: WeldRecord) -> dict[str, Any]:
+    share = told_apart(relevant_range(weld.force_map), weld.limits) if weld.force_map and weld.limits else None
     content = {
         "verdict": _verdict(weld.verdict),
-        "map": weld.force_map and _map(weld.force_map),
-        "curves": weld.force_map and _curves(weld.force_map, weld.verdict, weld.limits),
+        "basis": basis(weld),
+        "map": weld.force_map and _map(weld.force_map, share),
+        "curves": weld.force_map and _curves(weld.force_map, weld.verdict, weld.limits, share),
         "history": weld.history and _history(weld.history),
         "profile": weld.profile and _profile(weld.profile, weld.settings),
         "grinding": weld.grinding and _grinding(weld.grinding),
@@ -76,7 +88,31 @@ def _verdict(verdict: Verdict) -> dict[str, Any]:
     content = msgspec.to_builtins(verdict)
     criteria = [_criterion(c) for c in verdict.criteria]
     measure = what_to_measure(verdict.reason) if verdict.decision == "undecided" else ""
-    return {**short({k: v for k, v in content.items() if k not in _HEADER}), "criteria": criteria, "measure": measure}
+    shown = {**short({k: v for k, v in content.items() if k not in _HEADER}), "criteria": criteria, "measure": measure}
+    if isinstance(verdict.geometry, UnsetType) or isinstance(verdict.force, UnsetType):
+        return shown
+    in_words = {
+        "measure": measure_next(verdict) if verdict.decision == "undecided" else "",
+        "reason": sentence_in_words(verdict.reason, verdict.criteria),
+        "geometry": _answer(verdict.geometry, verdict.criteria, NOT_ASSESSED["geometry"]),
+        "force": _answer(verdict.force, verdict.criteria, NOT_ASSESSED["force"]),
+    }
+    return {**shown, **in_words}
+
+
+def _answer(answer: Answer, criteria: Sequence[Criterion], to_choose: str) -> dict[str, Any]:
+    """Return an answer with its criterion, and apart what stands in the way of accepting."""
+    of_name = [c for c in criteria if c.name == answer.criterion and c.decides and c.source == answer.source]
+    content: dict[str, Any] = short(msgspec.to_builtins(answer))
+    doubts = answer.reason.rpartition("probability of exceeding a limit ")
+    before = doubts[0].rpartition("; ")[0].rpartition("; ")[0]
+    after = doubts[2].partition("; ")[2]
+    return without_none({
+        **content,
+        "nearest": _criterion(max(of_name, key=ratio)) if of_name else None,
+        "doubts": [sentence_in_words(part, criteria) for part in (before, *after.split("; ")) if part],
+        "to_choose": to_choose if answer.decision == "not assessed" else None,
+    })  # fmt: skip
 
 
 def _criterion(criterion: Criterion) -> dict[str, Any]:
@@ -84,14 +120,14 @@ def _criterion(criterion: Criterion) -> dict[str, Any]:
     return {**short(msgspec.to_builtins(criterion)), "ratio": significant(share) if share < float("inf") else None}
 
 
-def _map(force_map: ForceMap) -> dict[str, Any]:
+def _map(force_map: ForceMap, share: float | None) -> dict[str, Any]:
     shape = (len(force_map.speeds_kmh), len(force_map.positions_m))
     content = {
         "speeds_kmh": short(force_map.speeds_kmh),
         "positions_m": short(force_map.positions_m),
         "span_m": force_map.span_m,
         "peak_n": decimals(worse_passages(force_map).peak_force_n.ravel(), -2),
-        "hollow": "".join("1" if cell else "0" for cell in _hollow(force_map, shape).ravel()),
+        "hollow": "".join("1" if cell else "0" for cell in _hollow(force_map, shape, share or 0.0).ravel()),
         "static_load_n": force_map.static_load_n,
         "model_error": known(force_map.model_error),
         "line_speed_kmh": known(force_map.line_speed_kmh),
@@ -102,16 +138,23 @@ def _map(force_map: ForceMap) -> dict[str, Any]:
     return without_none(content)
 
 
-def _hollow(force_map: ForceMap, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Return which cells (n_speed, n_position) lie in a local minimum over speed; none on too coarse a grid."""
+def _hollow(force_map: ForceMap, shape: tuple[int, int], share: float) -> NDArray[np.bool_]:
+    """Return which cells (n_speed, n_position) lie in a local minimum over speed; none on too coarse a grid.
+
+    Only those that are deeper than the model's error, a share of the force's dynamic part.
+    """
     peaks = worse_passages(force_map).peak_force_n
     try:
-        return surface_features(force_map.speeds_kmh, force_map.positions_m, peaks, force_map.span_m).hollow
+        hollow = surface_features(force_map.speeds_kmh, force_map.positions_m, peaks, force_map.span_m).hollow
+        before = np.maximum.accumulate(peaks, axis=0)
+        return np.asarray(hollow & (before - peaks >= share * (before - force_map.static_load_n)))
     except (InputError, IndexError):
         return np.zeros(shape, dtype=bool)
 
 
-def _curves(force_map: ForceMap, verdict: Verdict, limits: AssessmentSettings | None) -> dict[str, Any]:
+def _curves(
+    force_map: ForceMap, verdict: Verdict, limits: AssessmentSettings | None, share: float | None
+) -> dict[str, Any]:
     """Return every force criterion over speed at its worst position, with the limits applied to it."""
     relevant = relevant_range(force_map)
     speeds, worst = force_curve(relevant)
@@ -121,39 +164,48 @@ def _curves(force_map: ForceMap, verdict: Verdict, limits: AssessmentSettings | 
         if values is None:
             continue
         of_verdict = [c for c in verdict.criteria if c.name == name]
-        stated = [_limit(limit) for limit in limits.limits if limit.name == name] if limits else []
-        applied = stated or [_limit(c) for c in of_verdict]
+        stated = [limit for limit in limits.limits if limit.name == name] if limits else []
+        applied = [_limit(limit, force_map.static_load_n) for limit in stated or of_verdict]
         unit = next((c.unit for c in of_verdict), "N" if name == "peak_force" else "1")
         series.append({
             "name": name,
             "unit": unit,
             "values": decimals(values, -2) if unit == "N" else [significant(v, 4) for v in values.tolist()],
             "limits": applied,
-            "within": _within(applied, speeds, values),
+            "within": _within(stated or [_as_limit(c) for c in of_verdict], speeds, worst),
         })  # fmt: skip
-    return {"speeds_kmh": short(speeds.tolist()), "series": series, "best": _lowest_peaks(relevant)}
+    content = {"speeds_kmh": short(speeds.tolist()), "series": series, "best": _lowest_peaks(relevant)}
+    if share is not None:
+        content |= {"error_share": significant(share, 3), "static_n": force_map.static_load_n}
+    return content
 
 
-def _within(limits: list[dict[str, Any]], speeds_kmh: FloatArray, values: FloatArray) -> str:
+def _within(limits: Sequence[Limit], speeds_kmh: FloatArray, worst: Passages) -> str:
     """Return a character a speed: 1 if all speeds up to it are within the limits of a line of that speed, else 0."""
-    so_far, within = np.maximum.accumulate(values), np.ones(len(values), dtype=bool)
-    for limit in limits:
-        if limit["decides"]:
-            applies = (speeds_kmh > limit.get("above_kmh", 0.0)) & (speeds_kmh <= limit.get("to_kmh", np.inf))
-            within &= ~applies | (so_far <= limit["limit"])
-    return "".join("1" if ok else "0" for ok in within)
+    return "".join("1" if ok else "0" for ok in within_limits(speeds_kmh, worst.accumulated(), limits))
 
 
-def _limit(limit: Limit | Criterion) -> dict[str, Any]:
-    content = {
-        "limit": limit.limit,
-        "reject_limit": known(limit.reject_limit),
+def _as_limit(criterion: Criterion) -> Limit:
+    c = criterion
+    return Limit(name=c.name, limit=c.limit, reject_limit=c.limit, unit=c.unit, source=c.source, decides=c.decides)
+
+
+def _limit(limit: Limit | Criterion, static_load_n: float) -> dict[str, Any]:
+    """Return what a limit comes to, and the line speeds that it holds for."""
+    if isinstance(limit, Criterion):
+        at_most, reject, is_deciding = limit.limit, known(limit.reject_limit), limit.decides
+    else:
+        applied = levels(limit, static_load_n)
+        at_most, is_deciding = applied.limit, decides(limit)
+        reject = applied.reject_limit if np.isfinite(applied.reject_limit) else None
+    bounds = ("above_kmh", "from_kmh", "below_kmh", "to_kmh")
+    return without_none({
+        "limit": at_most,
+        "reject_limit": reject,
         "verified": limit.verified,
-        "decides": limit.decides if isinstance(limit, Criterion) else decides(limit),
-        "above_kmh": known(limit.above_kmh) if isinstance(limit, Limit) else None,
-        "to_kmh": known(limit.to_kmh) if isinstance(limit, Limit) else None,
-    }
-    return without_none(content)
+        "decides": is_deciding,
+        **({name: known(getattr(limit, name)) for name in bounds} if isinstance(limit, Limit) else {}),
+    })  # fmt: skip
 
 
 def _lowest_peaks(relevant: RelevantMap) -> dict[str, Any] | None:
@@ -282,6 +334,13 @@ def _wheel(settings: SimulationSettings) -> str:
 
 
 def _limits(limits: AssessmentSettings) -> str:
+    books = titles(limits)
+    if books:
+        own = {book.name: [limit for limit in limits.limits if limit.rule_book == book.name] for book in books}
+        return ", ".join(
+            f"{name} ({sum(limit.verified for limit in found)} of {len(found)} numbers verified)"
+            for name, found in own.items()
+        )
     unverified = sum(not limit.verified for limit in limits.limits)
     return f"{len(limits.limits)}, of which {unverified} unverified"
 
@@ -291,9 +350,10 @@ def _rules(limits: AssessmentSettings) -> str | None:
     if rules is None:
         return None
     unknown = "undecided if it matters" if rules.unknown_position == "undecided" else "the worst one decides"
+    risk = "" if isinstance(rules.accepted_risk, UnsetType) else f"accepted risk {rules.accepted_risk:.0%}; "
     return (
-        f"unknown position: {unknown}; waves shown up to {rules.resolved_hz:g} Hz"
-        f"{'' if rules.verified else ' (UNVERIFIED)'}: {rules.source}"
+        f"{risk}unknown position: {unknown}; waves shown up to {rules.resolved_hz:g} Hz"
+        f"{'' if rules.verified else ' (not verified)'}: {rules.source}"
     )
 
 

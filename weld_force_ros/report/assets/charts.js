@@ -261,7 +261,8 @@ function nearest(values, wanted) {
  * @param {SpeedLimit} limit
  * @param {number} speed
  */
-const holdsAt = (limit, speed) => speed > (limit.above_kmh ?? 0) && speed <= (limit.to_kmh ?? Infinity);
+const holdsAt = (limit, speed) => speed > (limit.above_kmh ?? 0) && speed >= (limit.from_kmh ?? 0)
+  && speed < (limit.below_kmh ?? Infinity) && speed <= (limit.to_kmh ?? Infinity);
 
 /**
  * The limits over speed as steps.
@@ -273,8 +274,8 @@ function limitSteps(series, speeds, field) {
   const [first, last] = [speeds[0], lastOf(speeds)];
   return series.limits.flatMap((limit) => {
     const {[field]: value, verified} = limit;
-    const from = Math.max(first, limit.above_kmh ?? 0);
-    const to = Math.min(last, limit.to_kmh ?? Infinity);
+    const from = Math.max(first, limit.above_kmh ?? 0, limit.from_kmh ?? 0);
+    const to = Math.min(last, limit.to_kmh ?? Infinity, limit.below_kmh ?? Infinity);
     return value !== undefined && to > from ? [{from, to, value, verified}] : [];
   });
 }
@@ -329,7 +330,7 @@ async function drawCurve(holder, curves, {verdict, map, grinding}, name, still) 
   for (const {field, legend, color} of LIMIT_LINES) {
     const steps = limitSteps(series, speeds, field);
     if (!steps.length) continue;
-    const doubt = steps.some(({verified}) => !verified) ? " (unverified)" : "";
+    const doubt = steps.some(({verified}) => !verified) ? " (not verified)" : "";
     traces.push({x: steps.flatMap(({from, to}) => [from, to, null]), y: steps.flatMap(({value}) => [value * factor, value * factor, null]), mode: "lines",
       line: {color, width: 1.5, dash: field === "limit" ? "dash" : "longdash"}, name: legend + doubt, hoverinfo: "skip"});
   }

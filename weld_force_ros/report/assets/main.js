@@ -36,6 +36,7 @@ function clear(holder) {
 function showFront() {
   const from = opened;
   opened = null;
+  showBanner();
   clear(one);
   showOnly(front);
   document.title = given.title;
@@ -56,6 +57,7 @@ async function showWeld(n) {
   const mine = ++turn;
   if (opened === null) scrolled = window.scrollY;
   opened = n;
+  showBanner();
   clear(one);
   one.append(barOf(n), element("p", {role: "status"}, "Opening…"));
   showOnly(one);
@@ -129,10 +131,13 @@ function route() {
 function showBanner() {
   const rows = [...table.rows.values()].filter((row) => row.unverified);
   const banner = byId("banner");
-  banner.hidden = rows.length === 0;
+  // Two answers say themselves on whose authority they stand.
+  banner.hidden = rows.length === 0 || (opened !== null && table.rows.get(opened)?.basis !== undefined);
   if (!rows.length) return;
   banner.replaceChildren(element("p", {}, element("strong", {}, "Limits not verified. "),
-    `Nobody has checked them against their source${rows.length === table.rows.size ? "" : ` (${rows.length} of ${table.rows.size} welds)`}. State your own with --limits before you act on a decision.`));
+    rows.every((row) => row.basis)
+      ? "Some are engineering judgement: each weld says which."
+      : `Nobody has checked them against their source${rows.length === table.rows.size ? "" : ` (${rows.length} of ${table.rows.size} welds)`}. State your own with --limits before you act on a decision.`));
 }
 
 // A page of many welds is long in coming: the first rows are shown before it is all there.

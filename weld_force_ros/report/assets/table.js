@@ -13,15 +13,23 @@ const byText = (pick) => (a, b) => pick(a).localeCompare(pick(b), "en", {numeric
  */
 const byNumber = (pick) => (a, b) => pick(a) - pick(b);
 
+/** @param {RowAnswer | undefined} answer */
+const answerOrder = (answer) => (answer ? decisionOf(answer.decision).order - (answer.exceeding ?? 0) / 2 : 99);
+
+/** Columns of verdicts with two answers only. */
+const OF_ANSWERS = ["geometry", "force"];
+
 /** @type {{id: string, heading: string, falling?: boolean, compare: (a: Row, b: Row) => number}[]} */
 const COLUMNS = [
   {id: "n", heading: "No.", compare: byNumber((row) => row.n)},
   {id: "decision", heading: "Decision",
     compare: (a, b) => decisionOf(a.decision).order - decisionOf(b.decision).order || ratioOf(b) - ratioOf(a)},
+  {id: "geometry", heading: "Geometry", compare: byNumber((row) => answerOrder(row.geometry))},
+  {id: "force", heading: "Force", compare: byNumber((row) => answerOrder(row.force))},
   {id: "weld", heading: "Weld", compare: byText((row) => row.weld)},
   {id: "worst", heading: "Worst criterion", falling: true, compare: byNumber(ratioOf)},
   {id: "peak", heading: "Peak", falling: true, compare: byNumber((row) => row.peak_n ?? -1)},
-  {id: "permitted", heading: "Speed within limits", compare: byNumber((row) => row.permitted_kmh ?? Infinity)},
+  {id: "permitted", heading: "Forces within limits up to", compare: byNumber((row) => row.permitted_kmh ?? Infinity)},
   {id: "advice", heading: "What to do", compare: byText((row) => row.advice)},
 ];
 
@@ -59,9 +67,16 @@ class FrontTable {
       return element("th", {scope: "col", class: `c-${column.id}`}, button);
     });
     this.body = element("tbody");
+    this.basis = element("dl", {class: "basis", "aria-label": "What the decisions rest on"});
+    this.table = element(
+      "table", {class: "welds"},
+      element("caption", {class: "visually-hidden"}, "Welds with their decisions; headings sort"),
+      element("thead", {}, element("tr", {}, ...this.heads)), this.body,
+    );
     this.count = element("p", {class: "count", role: "status"});
     holder.replaceChildren(
       element("h2", {class: "visually-hidden"}, "All welds"),
+      this.basis,
       this.chips,
       element(
         "div", {class: "tools screen-only"},
@@ -70,11 +85,7 @@ class FrontTable {
         element("div", {class: "field phone-only"}, this.direction),
         this.count,
       ),
-      element(
-        "table", {class: "welds"},
-        element("caption", {class: "visually-hidden"}, "Welds with their decisions; headings sort"),
-        element("thead", {}, element("tr", {}, ...this.heads)), this.body,
-      ),
+      this.table,
     );
   }
 
@@ -86,6 +97,12 @@ class FrontTable {
       if (row.supersedes !== undefined) this.drop(row.supersedes);
     }
     this.dropOldest();
+    const answered = [...this.rows.values()].filter((row) => row.basis);
+    this.table.setAttribute("class", answered.length ? "welds answered" : "welds");
+    this.heads.forEach((head, i) => {
+      if (OF_ANSWERS.includes(COLUMNS[i].id)) head.hidden = !answered.length;
+    });
+    this.basis.replaceChildren(...basisParts(answered.flatMap((row) => row.basis ?? [])));
     this.show();
   }
 
@@ -198,16 +215,66 @@ function rowLine(row) {
     "tr", {},
     cell("n", String(row.n)),
     cell("decision", badge(row.decision)),
+    answerCell("geometry", "Geometry", row.geometry),
+    answerCell("force", "Force", row.force),
     element("th", {scope: "row", class: "c-weld"}, element("a", {href: `#weld-${row.n}`}, row.weld), place(row)),
     cell("worst", ...worstCell(row)),
     cell("peak", row.peak_n === undefined ? "–" : kilonewtons(row.peak_n)),
     cell("permitted", ...permittedCell(row)),
-    cell("advice", row.advice),
+    cell("advice", ...withCode(row.advice)),
   );
   line.addEventListener("click", (event) => {
     if (event.target instanceof Element && !event.target.closest("a") && !String(window.getSelection())) location.hash = `weld-${row.n}`;
   });
   return line;
+}
+
+/**
+ * @param {string} id
+ * @param {string} heading
+ * @param {RowAnswer | undefined} answer
+ */
+function answerCell(id, heading, answer) {
+  if (!answer) return element("td", {class: `c-${id} empty`}, "–");
+  const {decision, exceeding} = answer;
+  return element("td", {class: `c-${id}`, "data-label": heading}, answerBadge(decision),
+    exceeding !== undefined && element("span", {class: "small block", title: "probability that a limit is exceeded"}, `over a limit: ${probability(exceeding)}`));
+}
+
+/**
+ * The distinct values among many, and for how many nothing was stated.
+ * @template T
+ * @param {T[]} of
+ * @param {(one: T) => string | undefined} words
+ * @param {string} [missing] what to say where none is
+ */
+function distinct(of, words, missing) {
+  const all = of.map(words);
+  const stated = [...new Set(all.filter(isShown))].sort(new Intl.Collator("en", {numeric: true}).compare);
+  const lacking = all.filter((one) => !isShown(one)).length;
+  const shown = stated.length > 4 ? [`${stated[0]} to ${lastOf(stated)}`] : stated;
+  if (lacking && missing) shown.push(lacking === all.length ? missing : `${missing} for ${lacking} of ${all.length}`);
+  return shown;
+}
+
+/**
+ * What decisions rest on, for whoever signs them.
+ * @param {Basis[]} of
+ */
+function basisParts(of) {
+  if (!of.length) return [];
+  const books = [...new Set(of.flatMap((one) => one.rule_books))].sort();
+  /** @type {[name: string, values: string[]][]} */
+  const parts = [
+    ["Rule books", books.length ? books : ["none"]],
+    ["Accepted risk", distinct(of, ({risk}) => risk === undefined ? undefined : `${percent(risk)} of exceeding a limit`, "not stated")],
+    ["Track", distinct(of, ({track}) => track, "not known")],
+    ["Vehicle", distinct(of, ({static_n: load, unsprung_kg: mass}) => `static wheel load ${kilonewtons(load)}, ${mass === undefined ? "unsprung mass not known" : `unsprung mass ${number(mass, 4)} kg per wheel`}`)],
+    ["Measured on", distinct(of, (one) => one.measured_on, "date not stated")],
+    ["Line speed", distinct(of, (one) => one.line_kmh === undefined ? undefined : kmh(one.line_kmh), "line speed not stated")],
+  ];
+  return parts.map(([name, values]) => element("div", {class: name === "Rule books" ? "wide" : ""}, element("dt", {}, name),
+    ...values.map((value) => element("dd", {}, value))));
 }
 
 /** @param {Row} row */
@@ -220,13 +287,14 @@ function place(row) {
  * @param {Row} row
  * @returns {Child[]}
  */
-function worstCell({worst}) {
+function worstCell({worst, basis}) {
   if (!worst) return ["–"];
   return [
-    element("span", {class: "block"}, criterionName(worst.name)),
+    element("span", {class: "block"}, criterionName(worst.name, worst.base_m)),
     bar(worst.ratio ?? Infinity, worst.passed),
     element("span", {class: `nowrap ${worst.passed ? "" : "over"}`}, timesLimit(worst.ratio)),
-    worst.verified ? null : element("span", {class: "small block"}, "unverified limit"),
+    // Two answers say themselves on whose authority they stand.
+    worst.verified || basis ? null : element("span", {class: "small block"}, "limit not verified"),
   ];
 }
 

@@ -8,7 +8,7 @@ interface Row {
   weld: string;
   decision: string;
   advice: string;
-  worst?: {name: string; ratio: number | null; passed: boolean; verified: boolean};
+  worst?: {name: string; base_m?: number; ratio: number | null; passed: boolean; verified: boolean};
   peak_n?: number;
   judged_kmh?: number;
   permitted_kmh?: number;
@@ -16,8 +16,29 @@ interface Row {
   chainage_m?: number;
   unverified?: number;
   criteria?: number;
+  geometry?: RowAnswer;
+  force?: RowAnswer;
+  basis?: Basis;
   /** What is searched in; made when first needed. */
   text?: string;
+}
+
+/** An answer as the front table shows it. */
+interface RowAnswer {
+  decision: string;
+  exceeding?: number;
+}
+
+/** What a verdict with two answers rests on. */
+interface Basis {
+  /** Name and title of each. */
+  rule_books: string[];
+  risk?: number;
+  track?: string;
+  static_n: number;
+  unsprung_kg?: number;
+  measured_on?: string;
+  line_kmh?: number;
 }
 
 /** What concerns the whole page. */
@@ -49,6 +70,26 @@ interface Criterion {
   exceeding_reject?: number;
   driver?: string;
   driver_share?: number;
+  base_m?: number;
+  rule_book?: string;
+  source_kind?: string;
+}
+
+/** The answer to one of the two questions about a weld. */
+interface Answer {
+  decision: string;
+  reason: string;
+  rule_books?: string[];
+  margin?: number;
+  exceeding?: number;
+  source: string;
+  verified: boolean;
+  /** The criterion nearest to its limit. */
+  nearest?: Criterion;
+  /** What stands in the way of accepting. */
+  doubts: string[];
+  /** How to choose a rule book where none was applied. */
+  to_choose?: string;
 }
 
 interface PositionOutcome {
@@ -74,11 +115,14 @@ interface Verdict {
   advice_step_kmh?: number;
   advice?: string[];
   avoid?: {from_kmh: number; to_kmh: number}[];
-  restrictions?: {speed_kmh: number; change: number; within_limits: boolean}[];
+  restrictions?: {speed_kmh: number; peak_force_n: number; change: number; within_limits: boolean}[];
   by_position?: PositionOutcome[];
   curve_class?: string;
   worst_running?: string;
   samples?: number;
+  geometry?: Answer;
+  force?: Answer;
+  accepted_risk?: number;
 }
 
 interface ForceMap {
@@ -104,6 +148,8 @@ interface SpeedLimit {
   verified: boolean;
   decides?: boolean;
   above_kmh?: number;
+  from_kmh?: number;
+  below_kmh?: number;
   to_kmh?: number;
 }
 
@@ -121,6 +167,9 @@ interface Curves {
   speeds_kmh: number[];
   series: Series[];
   best: {speeds_kmh: number[]; peak_n: number[]} | null;
+  /** Differences of forces below that share of their dynamic part are the model's error. */
+  error_share?: number;
+  static_n?: number;
 }
 
 interface ForceHistory {
@@ -171,6 +220,7 @@ type Provenance = [name: string, value: string][];
 interface WeldDetail {
   rejection?: undefined;
   verdict: Verdict;
+  basis?: Basis;
   map?: ForceMap;
   curves?: Curves;
   history?: ForceHistory;

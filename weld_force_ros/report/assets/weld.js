@@ -45,6 +45,7 @@ function metaOf(row, content) {
   if (!content.rejection && content.map) {
     const {map, verdict} = content;
     parts.push(map.line_speed_kmh === undefined ? `judged up to ${kmh(verdict.judged_speed_kmh)} (line speed not stated)` : `line speed ${kmh(map.line_speed_kmh)}`);
+    if (content.basis) parts.push(content.basis.measured_on === undefined ? "date of measurement not stated" : `measured on ${content.basis.measured_on}`);
     parts.push(map.weld_position_m === undefined ? "position between the sleepers unknown" : `weld ${centimetres(map.weld_position_m)} cm after the sleeper`);
     parts.push(map.running && `trains ${map.running}${map.running.includes("both") && verdict.worst_running ? `, worst ${verdict.worst_running === "against" ? "against" : "towards"} rising x` : ""}`);
   }
@@ -68,6 +69,7 @@ function rejectionParts({rejection, provenance}) {
  */
 function verdictParts(content, still, later) {
   return [
+    ...answersPart(content),
     headline(content),
     facts(content),
     element("div", {class: "grid"},
@@ -83,21 +85,68 @@ function verdictParts(content, still, later) {
 /** @param {string} text */
 const sentence = (text) => (text ? text[0].toUpperCase() + text.slice(1) + (/[.!?]$/.test(text) ? "" : ".") : "");
 
+// --- two answers ------------------------------------------------------------------------------------------------------
+
+/** @param {WeldDetail} content */
+function answersPart({verdict: {geometry, force}}) {
+  if (!geometry || !force) return [];
+  return [element("div", {class: "answers"}, answerPart("Geometry, by standard", geometry), answerPart("Force, by model", force))];
+}
+
+/**
+ * @param {string} question
+ * @param {Answer} answer
+ */
+function answerPart(question, answer) {
+  const {decision, nearest, doubts, exceeding, to_choose: toChoose} = answer;
+  /** @type {(name: string, ...children: Child[]) => HTMLElement} */
+  const line = (name, ...children) => element("div", {}, element("dt", {}, name), element("dd", {}, ...children));
+  const part = element("section", {class: `card answer ${decision === "not assessed" ? "none" : decision}`, "aria-label": question},
+    element("div", {class: "choice"}, element("h3", {}, question), answerBadge(decision)));
+  if (decision === "not assessed") {
+    part.append(element("p", {}, "No limit of this kind was chosen. To have it assessed, ", ...withCode(`${toChoose ?? "choose a rule book"}.`)));
+    return part;
+  }
+  part.append(element("dl", {},
+    line("Rule book", answer.rule_books?.join(", ") || "none"),
+    exceeding !== undefined && line("Probability of exceeding a limit", element("strong", {}, probability(exceeding))),
+    nearest && line(nearest.passed ? "Nearest to its limit" : "Farthest beyond its limit", `${criterionName(nearest.name, nearest.base_m)}: `,
+      element("strong", {class: nearest.passed ? "" : "over"}, quantity(nearest.value, unitOf(nearest))), ` of ${quantity(nearest.limit, unitOf(nearest))}`),
+    line("Margin", marginWords(answer)),
+    nearest && line("That limit is", !nearest.verified && unverifiedTag(), !nearest.verified && " ", authority(nearest), element("span", {class: "small block source"}, nearest.source))));
+  if (doubts.length) part.append(element("ul", {}, ...doubts.map((words) => element("li", {}, sentence(words)))));
+  return part;
+}
+
+/** @param {Answer} answer */
+function marginWords({margin, nearest}) {
+  if (margin === undefined) return nearest?.passed ? "within a limit of 0" : "over a limit of 0";
+  return margin < 0 ? element("span", {class: "over"}, `${percent(-margin)} beyond the limit`) : `${percent(margin)} of the limit is left`;
+}
+
 // --- what to do and why -----------------------------------------------------------------------------------------------
 
 /** @param {WeldDetail} content */
 function headline({verdict, grinding, map}) {
   const until = untilWords(verdict, map);
+  const answered = verdict.geometry && verdict.force;
   return element(
     "section", {class: `card headline ${verdict.decision}`, "aria-label": "What to do"},
     badge(verdict.decision),
-    element("p", {class: "do"}, whatToDo(verdict, grinding)),
+    answered && element("span", {class: "small risk"}, riskWords(verdict)),
+    element("p", {class: "do"}, ...withCode(whatToDo(verdict, grinding))),
     until && element("p", {class: "until"}, until),
     element("p", {}, why(verdict)),
-    verdict.criteria.some((c) => !c.verified) && element("p", {}, unverifiedTag(), " Compared with limits that nobody has checked against their source."),
-    element("details", {class: "reason", open: verdict.decision === "undecided"}, element("summary", {}, "Full reasoning"), element("p", {}, sentence(verdict.reason)),
+    !answered && verdict.criteria.some((c) => !c.verified) && element("p", {}, unverifiedTag(), " Compared with limits that nobody has checked against their source."),
+    element("details", {class: "reason", open: verdict.decision === "undecided"}, element("summary", {}, "Full reasoning"), element("p", {}, ...withCode(sentence(verdict.reason))),
       verdict.advice?.length ? element("ul", {}, ...verdict.advice.map((words) => element("li", {}, sentence(words)))) : null),
   );
+}
+
+/** @param {Verdict} verdict */
+function riskWords({accepted_risk: risk, geometry, force}) {
+  const asked = geometry?.decision === "not assessed" || force?.decision === "not assessed" ? "; accepted only where both questions are answered" : "";
+  return risk === undefined ? "" : `Overall, at an accepted risk of ${percent(risk)}${asked}`;
 }
 
 /**
@@ -105,6 +154,7 @@ function headline({verdict, grinding, map}) {
  * @param {Grinding | undefined} grinding
  */
 function whatToDo(verdict, grinding) {
+  if (verdict.decision === "undecided" && verdict.geometry) return sentence(verdict.measure || verdict.reason);
   if (verdict.decision === "undecided") return `Further measurement required: ${verdict.measure || verdict.reason}.`;
   const action = ACTIONS[verdict.decision] ?? sentence(verdict.decision);
   if (!grinding || verdict.decision === "accept") return action;
@@ -123,6 +173,9 @@ function untilWords(verdict, map) {
   const {permitted_speed_kmh: permitted, judged_speed_kmh: judged, decision} = verdict;
   if (verdict.advice_step_kmh === undefined && permitted === undefined) return "";
   const top = map?.line_speed_kmh === undefined ? kmh(judged) : `the line's ${kmh(map.line_speed_kmh)}`;
+  if (verdict.geometry && permitted !== undefined && permitted < judged) {
+    return `Highest computed speed with all forces within limits: ${proseKmh(permitted)} (computed up to ${kmh(judged)}).`;
+  }
   if (permitted === undefined) return "No speed is within the limits on force.";
   if (permitted >= judged) return decision === "accept" ? `Every speed up to ${top} is within limits.` : `Forces are within limits at every speed up to ${top}.`;
   return `${decision === "accept" ? "Run" : "Until then, run"} at most ${kmh(permitted)} (judged up to ${kmh(judged)}).`;
@@ -136,15 +189,15 @@ function why({criteria}) {
   const deciding = criteria.filter((c) => c.decides !== false);
   const worst = [...deciding].sort((a, b) => ratioOfCriterion(b) - ratioOfCriterion(a))[0];
   if (!worst) return "";
-  const failed = deciding.filter((c) => !c.passed && c !== worst).map((c) => criterionInSentence(c.name));
+  const failed = deciding.filter((c) => !c.passed && c !== worst).map((c) => criterionInSentence(c.name, c.base_m));
   const {reject_limit: rejectLimit} = worst;
   const reject = rejectLimit !== undefined && worst.value > rejectLimit;
   const limit = reject ? rejectLimit : worst.limit;
   const value = quantity(worst.value, unitOf(worst));
   const at = worst.speed_kmh === undefined ? "" : ` at ${kmh(worst.speed_kmh)}${worst.position_m === undefined ? "" : ` with the weld ${centimetres(worst.position_m)} cm after a sleeper`}`;
-  if (worst.passed) return `Nearest to its limit: ${criterionInSentence(worst.name)}, ${value} of ${quantity(limit, unitOf(worst))}${at}.`;
+  if (worst.passed) return `Nearest to its limit: ${criterionInSentence(worst.name, worst.base_m)}, ${value} of ${quantity(limit, unitOf(worst))}${at}.`;
   const beyond = limit > 0 ? `, ${percent(worst.value / limit - 1)} over its ${reject ? "reject limit" : "limit"} of ${quantity(limit, unitOf(worst))}` : `; its limit is ${quantity(limit, unitOf(worst))}`;
-  return `${criterionName(worst.name)} reaches ${value}${at}${beyond}.${failed.length ? ` Also over the limit: ${failed.join(", ")}.` : ""}`;
+  return `${criterionName(worst.name, worst.base_m)} reaches ${value}${at}${beyond}.${failed.length ? ` Also over the limit: ${failed.join(", ")}.` : ""}`;
 }
 
 /** @param {WeldDetail} content */
@@ -160,11 +213,20 @@ function facts({verdict, map}) {
     "dl", {class: "facts"},
     fact("Peak force", kilonewtons(verdict.peak_force_n), [`${(verdict.peak_force_n / verdict.static_load_n).toFixed(2)} × static`, map?.model_error && `model ± ${kilonewtons(map.model_error * (verdict.peak_force_n - verdict.static_load_n))}`].filter(Boolean).join(", ")),
     fact("Worst at", kmh(verdict.worst_speed_kmh), `weld ${centimetres(verdict.worst_position_m)} cm after the sleeper`),
-    said && fact("Highest speed within force limits", permitted === undefined ? "none" : kmh(permitted), `computed up to ${kmh(verdict.judged_speed_kmh)}`),
-    riskiest && fact("Probability of exceedance", percent(riskiest.exceeding), `of ${verdict.samples} samples: ${criterionInSentence(riskiest.name)}`),
+    said && fact("Highest computed speed with all forces within limits", permitted === undefined ? "none" : verdict.geometry ? proseKmh(permitted) : kmh(permitted), `computed up to ${kmh(verdict.judged_speed_kmh)}`),
+    !verdict.geometry && riskiest && fact("Probability of exceedance", percent(riskiest.exceeding), `of ${verdict.samples} samples: ${criterionInSentence(riskiest.name)}`),
     measures && fact(measures.kind === "dip" ? "Dipped weld" : "Peaked weld", quantity(measures.kind === "dip" ? measures.dip_m : measures.protrusion_m, "m"), `steepest ${number(measures.gradient_rad * 1e3)} mrad`),
-    verdict.curve_class && fact("Force over speed", verdict.curve_class === "hollow" ? "has a local minimum" : "rises", verdict.curve_class === "hollow" ? "slower can be worse" : "slower is never worse"),
+    verdict.curve_class && fact("Force over speed", ...curveWords(verdict)),
   );
+}
+
+/**
+ * @param {Verdict} verdict
+ * @returns {[string, string]}
+ */
+function curveWords({curve_class: curve, geometry}) {
+  if (curve === "hollow") return ["has a local minimum", "slower can be worse"];
+  return geometry ? ["no local minimum", "that exceeds the model's error"] : ["rises", "slower is never worse"];
 }
 
 // --- charts -----------------------------------------------------------------------------------------------------------
@@ -181,7 +243,7 @@ function mapPart(map, verdict, still, later) {
   if (!still) holder.setAttribute("tabindex", "0");
   later(() => drawMap(holder, readout, map, verdict, still));
   return card("Peak force by speed and position", holder, !still && readout,
-    element("p", {class: "hint"}, `Outlined: local minima over speed, where a lower speed reached more. ✕: worst. Dashed: sleepers.${still ? "" : " Point, tap, or use the arrow keys."}`));
+    element("p", {class: "hint"}, `${map.hollow.includes("1") ? `Outlined: local minima over speed${verdict.geometry ? " deeper than the model's error" : ""}, where a lower speed reached more. ` : ""}✕: worst. Dashed: sleepers.${still ? "" : " Point, tap, or use the arrow keys."}`));
 }
 
 /**
@@ -207,7 +269,7 @@ function curvePart(curves, content, still, later) {
   return card(
     "", element("div", {class: "choice"}, element("h3", {}, "Force against speed"),
       !still && element("div", {class: "field"}, element("label", {for: id}, "Criterion"), choice)),
-    holder, !still && restrictionPart(curves, verdict, (speed) => mark(speed)), still && restrictionTable(verdict),
+    holder, !still && restrictionPart(curves, verdict, (speed) => mark(speed)), still && restrictionTable(verdict, curves),
   );
 }
 
@@ -267,26 +329,37 @@ function restrictionWords(curves, judged, index) {
   return [
     element("span", {class: beyond.length ? "big over" : "big"}, beyond.length ? "✕ Still beyond limits" : `✓ Within limits at every speed up to ${speed}`),
     element("span", {class: "block"}, beyond.join(", ")),
-    element("span", {class: "block"}, `Trains at ${speed}: ${kilonewtons(peaks[index])}`, ...changeWords(peaks[index] / lastOf(peaks) - 1, `than at ${top}`)),
-    element("span", {class: "block"}, `Worst of all speeds up to ${speed}: ${kilonewtons(worst)}`, ...changeWords(worst / Math.max(...peaks) - 1, "than without it")),
+    element("span", {class: "block"}, `Trains at ${speed}: ${kilonewtons(peaks[index])}`, ...changeWords(peaks[index], lastOf(peaks), `than at ${top}`, curves)),
+    element("span", {class: "block"}, `Worst of all speeds up to ${speed}: ${kilonewtons(worst)}`, ...changeWords(worst, Math.max(...peaks), "than without it", curves)),
   ];
 }
 
 /**
- * @param {number} change
+ * @param {number} force
+ * @param {number} from
  * @param {string} than
+ * @param {{error_share?: number, static_n?: number}} curves
  * @returns {Child[]}
  */
-function changeWords(change, than) {
+function changeWords(force, from, than, {error_share: share = 0, static_n: atRest = 0}) {
+  const change = force / from - 1;
   if (Math.abs(change) < 5e-4) return [];
+  if (Math.abs(force - from) < share * (Math.max(force, from) - atRest)) return [", no difference beyond the model's error"];
   return [", ", element("strong", {}, `${percent(change)} ${change > 0 ? "MORE" : "less"}`), ` ${than}`];
 }
 
-/** @param {Verdict} verdict */
-function restrictionTable({restrictions}) {
+/**
+ * @param {Verdict} verdict
+ * @param {{error_share?: number, static_n?: number}} curves
+ */
+function restrictionTable({restrictions}, {error_share: share = 0, static_n: atRest = 0}) {
   if (!restrictions?.length) return null;
+  const top = restrictions[0].peak_force_n;
+  /** @type {(r: {change: number, peak_force_n: number}) => string} */
+  const changed = (r) => (Math.abs(r.peak_force_n - top) < share * (Math.max(r.peak_force_n, top) - atRest)
+    ? "no difference beyond the model's error" : `${r.change > 0 ? "+" : "−"}${percent(Math.abs(r.change))}`);
   return element("p", {class: "hint"}, "Restricted to: " + restrictions.slice(1, 9).map((r) =>
-    `${number(r.speed_kmh, 4)} km/h ${r.change > 0 ? "+" : "−"}${percent(Math.abs(r.change))}${r.within_limits ? " (within limits)" : ""}`).join(", "));
+    `${number(r.speed_kmh, 4)} km/h ${changed(r)}${r.within_limits ? " (within limits)" : ""}`).join(", "));
 }
 
 /**
@@ -357,7 +430,8 @@ function positionsPart({verdict, map}) {
   return card("Decision by position in the sleeper bay",
     element("div", {class: "strip", "aria-hidden": "true"}, ...parts),
     element("p", {class: "ends", "aria-hidden": "true"}, element("span", {}, "▮ sleeper, 0 cm"), element("span", {}, `next sleeper, ${centimetres(map.span_m)} cm ▮`)),
-    element("p", {}, words));
+    element("p", {}, words),
+    verdict.geometry && element("p", {class: "hint"}, "By computed values alone, without the probabilities that decide."));
 }
 
 // --- criteria ---------------------------------------------------------------------------------------------------------
@@ -391,14 +465,14 @@ function criterionLine(c, sampled) {
   const state = c.passed ? ["ok", "✓ within"] : c.reject_limit !== undefined && c.value > c.reject_limit ? ["over", "✕ beyond reject limit"] : ["over", "✕ over limit"];
   return element(
     "tr", {class: !c.passed && c.decides !== false ? "failed" : ""},
-    element("th", {scope: "row"}, criterionName(c.name), element("span", {class: `tag block ${state[0]}`}, state[1]),
+    element("th", {scope: "row"}, criterionName(c.name, c.base_m), c.rule_book !== undefined && element("span", {class: "small block"}, c.rule_book), element("span", {class: `tag block ${state[0]}`}, state[1]),
       c.decides === false && element("span", {class: "tag block aside"}, "informative only")),
     cell("Value", element("strong", {class: "nowrap"}, quantity(c.value, unitOf(c))), element("span", {class: "block"}, bar(ratioOfCriterion(c), c.passed)), element("span", {class: "small nowrap"}, timesLimit(c.ratio)), c.low !== undefined && c.high !== undefined && element("span", {class: "small block"}, `90 %: ${quantity(c.low, unitOf(c))} to ${quantity(c.high, unitOf(c))}`)),
     cell("Limit", element("span", {class: "nowrap"}, quantity(c.limit, unitOf(c))), c.reject_limit !== undefined && element("span", {class: "small block"}, `reject above ${quantity(c.reject_limit, unitOf(c))}`)),
     cell("Margin", element("span", {class: margin < 0 ? "over nowrap" : "nowrap"}, quantity(margin, unitOf(c)))),
     element("td", {class: "c-where", "data-label": "Where"}, element("div", {}, ...whereOf(c))),
     sampled && element("td", {class: "c-chance", "data-label": "Probability of exceedance"}, element("div", {}, ...chanceOf(c))),
-    element("td", {class: "c-why"}, c.applies && element("span", {class: "block"}, sentence(c.applies)), c.verified ? element("span", {class: "ok"}, "verified: ") : element("span", {}, unverifiedTag(), " "), element("span", {class: "small"}, c.source)),
+    element("td", {class: "c-why"}, c.applies && element("span", {class: "block"}, sentence(c.applies)), element("span", {class: c.verified ? "ok" : ""}, `${authority(c)}: `), element("span", {class: "small"}, c.source)),
   );
 }
 
@@ -417,9 +491,10 @@ function whereOf(c) {
  */
 function chanceOf(c) {
   if (c.exceeding === undefined) return ["–"];
+  const shown = c.rule_book === undefined ? percent : probability;
   return [
-    element("strong", {}, percent(c.exceeding)),
-    c.exceeding_reject ? element("span", {class: "small block"}, `${percent(c.exceeding_reject)} to reject`) : null,
+    element("strong", {}, shown(c.exceeding)),
+    c.exceeding_reject ? element("span", {class: "small block"}, `${shown(c.exceeding_reject)} to reject`) : null,
     c.driver !== undefined && element("span", {class: "small block"}, `most by ${c.driver}${c.driver_share === undefined ? "" : ` (${percent(c.driver_share)} of variance)`}`),
   ];
 }
@@ -428,7 +503,7 @@ function chanceOf(c) {
 
 /** @param {Grinding} g */
 function grindingPart(g) {
-  const changed = g.after.map((c) => [criterionName(c.name), quantity(c.value, unitOf(c)), c.passed ? "✓ within" : "✕ over limit"]);
+  const changed = g.after.map((c) => [criterionName(c.name, c.base_m), quantity(c.value, unitOf(c)), c.passed ? "✓ within" : "✕ over limit"]);
   return card("Grinding",
     element("p", {}, element("strong", {}, g.reached ? `Remove at most ${hundredths(g.most_removed_m)}${g.from_m === undefined || g.to_m === undefined ? "" : `, from ${number(g.from_m * 1e3)} to ${number(g.to_m * 1e3)} mm from the weld's centre`}.` : "No removal of metal was found that brings this weld within its limits."), ` ${sentence(g.reason)}`),
     element("p", {}, "Before ", badge(g.decision_before), " after ", badge(g.decision_after)),

@@ -20,25 +20,47 @@ const CRITERIA = {
   contact_loss: "Contact loss",
   quality_index: "Quality index (gradient)",
   straightedge: "Deviation under 1 m straightedge",
+  straightedge_peak: "Peak under a straightedge",
+  straightedge_dip: "Dip under a straightedge",
+  straightedge_abs: "Peak or dip under a straightedge",
+  inclination: "Inclination of the running surface",
+  step: "Step in the running surface",
 };
 
-const GEOMETRY = ["quality_index", "straightedge"];
+const GEOMETRY = ["quality_index", "straightedge", "straightedge_peak", "straightedge_dip", "straightedge_abs", "inclination", "step"];
+
+/** @type {Record<string, string>} */
+const ANSWERS = {reject: "Replace"};
+
+/** @type {Record<string, string>} */
+const AUTHORITIES = {
+  standard: "read in the standard", quotation: "read in a publication that quotes the standard", vendor: "read in the maker's text",
+  judgement: "engineering judgement, no standard",
+};
 
 // Shares are read as per cent.
 const SHARES = ["unloading"];
 
 /** @type {Record<string, [factor: number, shown: string]>} */
-const UNITS = {"%": [100, "%"], N: [1e-3, "kN"], s: [1e3, "ms"], m: [1e3, "mm"], "1": [1, ""]};
+const UNITS = {"%": [100, "%"], N: [1e-3, "kN"], s: [1e3, "ms"], m: [1e3, "mm"], rad: [1e3, "mrad"], "1": [1, ""]};
 
-/** @param {string} name */
-const criterionName = (name) => CRITERIA[name] ?? name;
+/**
+ * @param {string} name
+ * @param {number} [base] length in metres of the straightedge or chord that it is measured on
+ */
+function criterionName(name, base) {
+  const label = Object.hasOwn(CRITERIA, name) ? CRITERIA[name] : name;
+  if (base === undefined) return label;
+  return name.startsWith("straightedge_") ? `${label} of ${number(base)} m` : `${label}, on a base of ${number(base)} m`;
+}
 /**
  * Return a criterion's name as it stands inside a sentence: its first word in lower case unless that is a symbol.
  * @param {string} name
+ * @param {number} [base] see `criterionName`
  */
-function criterionInSentence(name) {
-  const label = Object.hasOwn(CRITERIA, name) ? CRITERIA[name] : "";
-  if (!label) return name;
+function criterionInSentence(name, base) {
+  if (!Object.hasOwn(CRITERIA, name)) return name;
+  const label = criterionName(name, base);
   return /^(P2|Qmax)\b/.test(label) ? label : label[0].toLowerCase() + label.slice(1);
 }
 /** @param {string} name */
@@ -132,13 +154,56 @@ function element(tag, attributes = {}, ...children) {
   return made;
 }
 
-/** @param {string} decision */
-function badge(decision) {
+/**
+ * @param {string} decision
+ * @param {string} [words] in place of the decision's own
+ */
+function badge(decision, words) {
   const {label, sign} = decisionOf(decision);
   return element(
     "span", {class: `badge ${decision in DECISIONS ? decision : "undecided"}`},
-    element("span", {class: "sign", "aria-hidden": "true"}, sign), label,
+    element("span", {class: "sign", "aria-hidden": "true"}, sign), words ?? label,
   );
+}
+
+/**
+ * An answer to one of the two questions: what is to be done, or that nobody asked.
+ * @param {string} decision
+ */
+function answerBadge(decision) {
+  if (decision !== "not assessed") return badge(decision, ANSWERS[decision]);
+  return element("span", {class: "badge none"}, element("span", {class: "sign", "aria-hidden": "true"}, "–"), "Not assessed");
+}
+
+/**
+ * Text in which commands stand between backticks, as nodes.
+ * @param {string} text
+ */
+const withCode = (text) => text.split("`").map((part, i) => (i % 2 ? element("code", {}, part) : part));
+
+/**
+ * A probability; what is neither none nor all is not shown as such.
+ * @param {number} share
+ */
+function probability(share) {
+  if (share > 0 && share < 0.01) return "below 1 %";
+  return share > 0.99 && share < 1 ? "above 99 %" : percent(share);
+}
+
+/**
+ * A computed speed in a sentence: rounded down to 5 km/h.
+ * @param {number} value
+ */
+const proseKmh = (value) => kmh(Math.floor(value / 5) * 5 || value);
+
+/**
+ * On whose authority a limit stands.
+ * @param {{verified: boolean, source_kind?: string}} limit
+ */
+function authority({verified, source_kind: kind}) {
+  const words = kind === undefined ? undefined : AUTHORITIES[kind];
+  if (verified) return words ? `verified, ${words}` : "verified";
+  return words && kind === "judgement" ? words : "not checked against its source";
 }
 
 const unverifiedTag = () => element("strong", {class: "unverified"}, "UNVERIFIED");
