@@ -107,6 +107,8 @@ test("the front says what decisions rest on, and what nobody stated", () => {
   assert.deepEqual(words.Vehicle, ["static wheel load 100 kN, unsprung mass 600 kg per wheel", "static wheel load 100 kN, unsprung mass not known"]);
   assert.deepEqual(words["Measured on"], ["2026-11-20", "date not stated for 1 of 2"]);
   assert.deepEqual(words["Line speed"], ["160 km/h", "line speed not stated for 1 of 2"]);
+  const verdictAlone = basisParts([{...other, unknown: true}]).map((part) => part.textContent);
+  assert.deepEqual(verdictAlone.slice(-2), ["Measured onnot known", "Line speednot known"]);
   assert.deepEqual(basisParts([]), []);
 });
 

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from tests.cli.test_show import force_map
 from tests.harness.limits import by_value
 from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import (
     ForceHistory,
@@ -309,3 +310,20 @@ def test_a_closed_server_lets_go_of_its_port(tmp_path):
     assert kept_open.recv(1) == b""
     kept_open.close()
     Server(LiveReport(tmp_path), PAGE, port).close()
+
+
+def test_a_row_names_what_its_verdict_rests_on_as_far_as_it_has_arrived(tmp_path):
+    books = load_limits("force,banenor-531")
+    profile, found, _, _ = parts("KM12")
+    verdict = judge(found, books)
+    report = LiveReport(tmp_path)
+    report.add(verdict)
+    assert rows(report)[0]["basis"] == {
+        "rule_books": ["force"], "risk": 0.05, "static_n": 100e3, "unknown": True,
+    }  # fmt: skip
+    report = LiveReport(tmp_path)
+    for message in (settings(), books, replace(profile, measured_on="2026-11-20"), found, verdict):
+        report.add(message)
+    basis = rows(report)[0]["basis"]
+    assert (basis["track"], basis["unsprung_kg"], basis["measured_on"]) == ("bilbao", 700.0, "2026-11-20")
+    assert "unknown" not in basis

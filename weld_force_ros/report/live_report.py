@@ -127,7 +127,7 @@ class LiveReport:
         weld = self._partial.get(measurement) or _PartialWeld()
         _keep(self._partial, measurement, weld, _MOST_PARTIAL)
         if isinstance(message, Verdict):
-            with self._new_row(WeldRecord(message), self._older_version(weld, message)) as number:
+            with self._new_row(self._record(weld, message), self._older_version(weld, message)) as number:
                 weld.number, weld.verdict = number, message
                 is_complete = self._write_weld(weld)
         else:
@@ -157,7 +157,13 @@ class LiveReport:
         verdict = weld.verdict
         if verdict is None:
             return False
-        record = WeldRecord(
+        record = self._record(weld, verdict)
+        self._write(weld.number, record)
+        return len(weld.packed) == _PARTS_BESIDE_VERDICT and record.settings is not None and record.limits is not None
+
+    def _record(self, weld: _PartialWeld, verdict: Verdict) -> WeldRecord:
+        """Return all that has arrived of a weld."""
+        return WeldRecord(
             verdict=verdict,
             force_map=weld.get(ForceMap),
             profile=weld.get(WeldProfile),
@@ -165,8 +171,6 @@ class LiveReport:
             settings=self._settings.get(verdict.config_sha256),
             limits=self._limits.get(verdict.limits_sha256),
         )
-        self._write(weld.number, record)
-        return len(weld.packed) == _PARTS_BESIDE_VERDICT and record.settings is not None and record.limits is not None
 
     @contextmanager
     def _new_row(self, record: Record, supersedes: int | None = None) -> Iterator[int]:

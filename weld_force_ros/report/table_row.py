@@ -77,6 +77,7 @@ def basis(record: WeldRecord) -> dict[str, Any] | None:
         "unsprung_kg": settings.wheel_mass_kg if settings else None,
         "measured_on": known(record.profile.measured_on) if record.profile else None,
         "line_kmh": known(force_map.line_speed_kmh) if force_map else None,
+        "unknown": True if force_map is None or record.profile is None else None,
     })  # fmt: skip
 
 

@@ -245,7 +245,7 @@ function answerCell(id, heading, answer) {
  * The distinct values among many, and for how many nothing was stated.
  * @template T
  * @param {T[]} of
- * @param {(one: T) => string | undefined} words
+ * @param {(one: T) => string | false | undefined} words
  * @param {string} [missing] what to say where none is
  */
 function distinct(of, words, missing) {
@@ -270,8 +270,8 @@ function basisParts(of) {
     ["Accepted risk", distinct(of, ({risk}) => risk === undefined ? undefined : `${percent(risk)} of exceeding a limit`, "not stated")],
     ["Track", distinct(of, ({track}) => track, "not known")],
     ["Vehicle", distinct(of, ({static_n: load, unsprung_kg: mass}) => `static wheel load ${kilonewtons(load)}, ${mass === undefined ? "unsprung mass not known" : `unsprung mass ${number(mass, 4)} kg per wheel`}`)],
-    ["Measured on", distinct(of, (one) => one.measured_on, "date not stated")],
-    ["Line speed", distinct(of, (one) => one.line_kmh === undefined ? undefined : kmh(one.line_kmh), "line speed not stated")],
+    ["Measured on", distinct(of, (one) => one.measured_on ?? (one.unknown && "not known"), "date not stated")],
+    ["Line speed", distinct(of, (one) => one.line_kmh === undefined ? one.unknown && "not known" : kmh(one.line_kmh), "line speed not stated")],
   ];
   return parts.map(([name, values]) => element("div", {class: name === "Rule books" ? "wide" : ""}, element("dt", {}, name),
     ...values.map((value) => element("dd", {}, value))));

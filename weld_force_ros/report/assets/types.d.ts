@@ -39,6 +39,8 @@ interface Basis {
   unsprung_kg?: number;
   measured_on?: string;
   line_kmh?: number;
+  /** Profile or map are not at hand, so that nobody can tell what was stated. */
+  unknown?: boolean;
 }
 
 /** What concerns the whole page. */

@@ -45,7 +45,7 @@ function metaOf(row, content) {
   if (!content.rejection && content.map) {
     const {map, verdict} = content;
     parts.push(map.line_speed_kmh === undefined ? `judged up to ${kmh(verdict.judged_speed_kmh)} (line speed not stated)` : `line speed ${kmh(map.line_speed_kmh)}`);
-    if (content.basis) parts.push(content.basis.measured_on === undefined ? "date of measurement not stated" : `measured on ${content.basis.measured_on}`);
+    if (content.basis && content.profile) parts.push(content.basis.measured_on === undefined ? "date of measurement not stated" : `measured on ${content.basis.measured_on}`);
     parts.push(map.weld_position_m === undefined ? "position between the sleepers unknown" : `weld ${centimetres(map.weld_position_m)} cm after the sleeper`);
     parts.push(map.running && `trains ${map.running}${map.running.includes("both") && verdict.worst_running ? `, worst ${verdict.worst_running === "against" ? "against" : "towards"} rising x` : ""}`);
   }
