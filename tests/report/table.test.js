@@ -77,7 +77,7 @@ test("a line that stays in its place is not touched", () => {
   assert.equal(made.body.children[0], first);
 });
 
-test("the permitted speed is none, part, or all of what was judged", () => {
+test("the highest speed within limits is none, part, or all of what was judged", () => {
   const words = (permitted) => permittedCell({judged_kmh: 160, permitted_kmh: permitted}).map((part) => part.textContent ?? part);
   assert.deepEqual(words(undefined), ["–"]);
   assert.deepEqual(words(0), ["none"]);

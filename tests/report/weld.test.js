@@ -20,7 +20,7 @@ test("what to do follows the decision and the advice on grinding", () => {
   assert.equal(page.whatToDo({decision: "undecided", measure: "measure its position"}), "Further measurement required: measure its position.");
 });
 
-test("the permitted speed is said only where it was searched for", () => {
+test("the highest speed within limits is said only where it was searched for", () => {
   const verdict = {decision: "grind", judged_speed_kmh: 160, advice_step_kmh: 1};
   assert.equal(page.untilWords({...verdict, advice_step_kmh: undefined}), "");
   assert.equal(page.untilWords(verdict), "No speed is within the limits on force.");
@@ -80,6 +80,9 @@ test("an answer names criterion, margin, probability and authority", () => {
 test("a limit by judgement says so, and a margin to a limit of nothing has no share", () => {
   const judgement = {decision: "undecided", exceeding: 0.5, margin: 0.2, doubts: [], nearest: criterion({passed: true, verified: false, source_kind: "judgement", source: "anchored"})};
   assert.ok(page.answerPart("Force, by model", judgement).textContent.includes("UNVERIFIED engineering judgement, no standard"));
+  const next = page.answerPart("Force, by model", judgement, "measure it again").textContent;
+  assert.ok(next.includes("To decideMeasure it again."), next);
+  assert.ok(!page.answerPart("Force, by model", {...judgement, decision: "grind"}, "measure it again").textContent.includes("To decide"));
   assert.equal(page.marginWords({margin: 0.2}), "20 % of the limit is left");
   assert.equal(page.marginWords({nearest: {passed: false}}), "over a limit of 0");
 });

@@ -119,7 +119,7 @@ def _verdict_differences(recorded: Verdict, computed: Verdict) -> Iterator[str]:
         return
     permitted = (recorded.permitted_speed_kmh, computed.permitted_speed_kmh)
     if recorded.advice and permitted[0] != permitted[1]:
-        yield f"permitted speed was {permitted[0]} km/h, is {permitted[1]} km/h"
+        yield f"highest speed within limits was {permitted[0]} km/h, is {permitted[1]} km/h"
     for name, was in theirs.items():
         now = ours[name]
         if was.passed != now.passed or not np.isclose(was.value, now.value, rtol=FORCE_TOLERANCE, atol=1e-9):

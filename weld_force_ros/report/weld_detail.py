@@ -97,6 +97,8 @@ def _verdict(verdict: Verdict) -> dict[str, Any]:
         "geometry": _answer(verdict.geometry, verdict.criteria, NOT_ASSESSED["geometry"]),
         "force": _answer(verdict.force, verdict.criteria, NOT_ASSESSED["force"]),
     }
+    if isinstance(verdict.measure_next, str):
+        in_words["measure_next"] = sentence_in_words(verdict.measure_next, verdict.criteria)
     return {**shown, **in_words}
 
 

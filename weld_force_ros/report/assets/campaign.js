@@ -98,7 +98,7 @@ function worstTable() {
     ["km", (r) => (r.chainage_m === undefined ? "" : (r.chainage_m / 1e3).toFixed(3)), "right"], ["Rail", (r) => r.rail ?? ""],
     ["Worst criterion", (r) => `${criterionName(r.worst_criterion)}: ${timesLimit(r.worst_ratio)}`],
     ["Peak", (r) => `${kilonewtons(r.peak_force_n)} at ${kmh(r.worst_speed_kmh)}`],
-    ["Speed within limits", (r) => (r.permitted_speed_kmh === undefined ? "no speed" : kmh(r.permitted_speed_kmh)), "right"]];
+    ["Forces within limits up to", (r) => (r.permitted_speed_kmh === undefined ? "no speed" : kmh(r.permitted_speed_kmh)), "right"]];
   return card(`The worst ${worstRows.length}`, element("div", {class: "scroll"}, element("table", {},
     element("thead", {}, element("tr", {}, columns.map(([name, , side]) => element("th", {scope: "col", class: side}, name)))),
     element("tbody", {}, worstRows.map((row) => element("tr", {}, columns.map(([, cell, side], i) =>

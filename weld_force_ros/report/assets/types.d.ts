@@ -125,6 +125,7 @@ interface Verdict {
   geometry?: Answer;
   force?: Answer;
   accepted_risk?: number;
+  measure_next?: string;
 }
 
 interface ForceMap {

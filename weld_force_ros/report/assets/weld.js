@@ -88,16 +88,20 @@ const sentence = (text) => (text ? text[0].toUpperCase() + text.slice(1) + (/[.!
 // --- two answers ------------------------------------------------------------------------------------------------------
 
 /** @param {WeldDetail} content */
-function answersPart({verdict: {geometry, force}}) {
+function answersPart({verdict: {decision, geometry, force, measure_next: next}}) {
   if (!geometry || !force) return [];
-  return [element("div", {class: "answers"}, answerPart("Geometry, by standard", geometry), answerPart("Force, by model", force))];
+  // Where the whole is undecided, its headline says what decides.
+  const toDecide = decision === "undecided" ? undefined : next;
+  return [element("div", {class: "answers"},
+    answerPart("Geometry, by standard", geometry, toDecide), answerPart("Force, by model", force, toDecide))];
 }
 
 /**
  * @param {string} question
  * @param {Answer} answer
+ * @param {string} [next] what would decide it
  */
-function answerPart(question, answer) {
+function answerPart(question, answer, next) {
   const {decision, nearest, doubts, exceeding, to_choose: toChoose} = answer;
   /** @type {(name: string, ...children: Child[]) => HTMLElement} */
   const line = (name, ...children) => element("div", {}, element("dt", {}, name), element("dd", {}, ...children));
@@ -113,6 +117,7 @@ function answerPart(question, answer) {
     nearest && line(nearest.passed ? "Nearest to its limit" : "Farthest beyond its limit", `${criterionName(nearest.name, nearest.base_m)}: `,
       element("strong", {class: nearest.passed ? "" : "over"}, quantity(nearest.value, unitOf(nearest))), ` of ${quantity(nearest.limit, unitOf(nearest))}`),
     line("Margin", marginWords(answer)),
+    next !== undefined && decision === "undecided" && line("To decide", ...withCode(sentence(next))),
     nearest && line("That limit is", !nearest.verified && unverifiedTag(), !nearest.verified && " ", authority(nearest), element("span", {class: "small block source"}, nearest.source))));
   if (doubts.length) part.append(element("ul", {}, ...doubts.map((words) => element("li", {}, sentence(words)))));
   return part;
