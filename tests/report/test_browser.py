@@ -267,25 +267,31 @@ def test_every_kind_of_weld_is_shown_without_scrolling_sideways(either, file, nu
     quiet(either, file)
 
 
-def test_both_answers_stand_side_by_side_or_below_each_other(either, tmp_path_factory):
-    file = written(tmp_path_factory.mktemp("answers") / "answers.html", [answered(), not_assessed(), unusable()])
-    page = open_page(either, file)
+@pytest.fixture(params=[DESK, PHONE], ids=["desk", "phone"])
+def unused(request: pytest.FixtureRequest, chromium: Any) -> Iterator[Watched]:
+    """A page that nobody used before, of either kind."""
+    yield from watch(chromium, request.param)
+
+
+def test_both_answers_stand_side_by_side_or_below_each_other(unused, tmp_path):
+    file = written(tmp_path / "answers.html", [answered(), not_assessed(), unusable()])
+    page = open_page(unused, file)
     basis = page.locator(".basis").inner_text()
     for words in ("banenor-531", "5 % of exceeding", "bilbao", "100 kN", "600 kg", "2026-11-20", "160 km/h"):
         assert words in basis
     assert page.locator(".welds .c-geometry .badge").all_text_contents() == ["◐Grind", "–Not assessed"]
     assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
     for number in (1, 2):
-        open_page(either, file, f"#weld-{number}")
+        open_page(unused, file, f"#weld-{number}")
         drawn(page)
         assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
-        geometry, force = (box.bounding_box() for box in page.locator("#weld .answer").all())
+        geometry, force = (box.bounding_box() for box in page.locator("#weld .question").all())
         assert (geometry["y"] == force["y"]) == (page.viewport_size["width"] > 800)
         assert page.locator("#weld .headline").bounding_box()["y"] > force["y"]
         assert 1 <= page.locator("body").inner_text().count("UNVERIFIED") <= 2
         assert [text for ratio, text in page.evaluate(CONTRASTS) if ratio < 4.5] == []
-    assert "weld-force limits list" in page.locator("#weld .answer").first.inner_text()
-    quiet(either, file)
+    assert "weld-force limits list" in page.locator("#weld .question").first.inner_text()
+    quiet(unused, file)
 
 
 def test_basics_of_accessibility(either, file):

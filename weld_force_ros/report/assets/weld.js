@@ -105,7 +105,7 @@ function answerPart(question, answer, next) {
   const {decision, nearest, doubts, exceeding, to_choose: toChoose} = answer;
   /** @type {(name: string, ...children: Child[]) => HTMLElement} */
   const line = (name, ...children) => element("div", {}, element("dt", {}, name), element("dd", {}, ...children));
-  const part = element("section", {class: `card answer ${decision === "not assessed" ? "none" : decision}`, "aria-label": question},
+  const part = element("section", {class: `card question ${decision === "not assessed" ? "none" : decision}`, "aria-label": question},
     element("div", {class: "choice"}, element("h3", {}, question), answerBadge(decision)));
   if (decision === "not assessed") {
     part.append(element("p", {}, "No limit of this kind was chosen. To have it assessed, ", ...withCode(`${toChoose ?? "choose a rule book"}.`)));
