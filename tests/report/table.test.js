@@ -85,7 +85,7 @@ test("the highest speed within limits is none, part, or all of what was judged",
   assert.deepEqual(words(200), ["160 km/h", "all speeds judged"]);
 });
 
-const BASIS = {rule_books: ["force: Forces by model"], risk: 0.05, track: "bilbao", static_n: 100e3, unsprung_kg: 600, measured_on: "2026-11-20", line_kmh: 160};
+const BASIS = {rule_books: ["force: Forces by model"], risk: 0.05, track: "bilbao", running: "in both directions", vehicle: "passenger", static_n: 100e3, unsprung_kg: 600, measured_on: "2026-11-20", line_kmh: 160};
 
 test("columns of the two answers show where a verdict has them", () => {
   const hidden = (made) => COLUMNS.filter((_, i) => made.heads[i].hidden).map(({id}) => id);
@@ -104,7 +104,8 @@ test("the front says what decisions rest on, and what nobody stated", () => {
   const words = Object.fromEntries(basisParts([BASIS, other]).map((part) => part.children.map((child) => child.textContent)).map(([name, ...values]) => [name, values]));
   assert.deepEqual(words["Rule books"], ["force: Forces by model"]);
   assert.deepEqual(words["Accepted risk"], ["5 % of exceeding a limit"]);
-  assert.deepEqual(words.Vehicle, ["static wheel load 100 kN, unsprung mass 600 kg per wheel", "static wheel load 100 kN, unsprung mass not known"]);
+  assert.deepEqual(words.Vehicle, ["passenger: static wheel load 100 kN, unsprung mass 600 kg per wheel", "passenger: static wheel load 100 kN, unsprung mass not known"]);
+  assert.deepEqual(words["Trains run"], ["in both directions"]);
   assert.deepEqual(words["Measured on"], ["2026-11-20", "date not stated for 1 of 2"]);
   assert.deepEqual(words["Line speed"], ["160 km/h", "line speed not stated for 1 of 2"]);
   const verdictAlone = basisParts([{...other, unknown: true}]).map((part) => part.textContent);

@@ -210,15 +210,21 @@ def reason(verdict: Verdict) -> str:
     ]
     if isinstance(verdict.measure_next, str):
         parts.append(f"Next: {sentence_in_words(verdict.measure_next, verdict.criteria)}.")
-    return f"{verdict.weld_id}: {' '.join(parts) or sentence(sentence_in_words(verdict.reason, verdict.criteria))}"
+    under = f" under {verdict.vehicle}" if isinstance(verdict.vehicle, str) else ""
+    return (
+        f"{verdict.weld_id}{under}: {' '.join(parts) or sentence(sentence_in_words(verdict.reason, verdict.criteria))}"
+    )
 
 
 def answers_in_words(verdict: Verdict) -> list[str]:
     """Return both answers with what they rest on, what to measure, and the accepted risk; none of older verdicts."""
     from weld_force_ros.assessment.criteria import sentence_in_words
 
+    if not has_answers(verdict):
+        return []
     asked = (("Geometry, by standard", verdict.geometry), ("Force, by model", verdict.force))
-    lines = [
+    lines = [sentence(verdict.reason.partition("; ")[0])]
+    lines += [
         f"{question} ({', '.join(found.rule_books) or 'no rule book'}): {answer_word(found)}. "
         f"{sentence(sentence_in_words(found.reason, verdict.criteria))}"
         for question, found in asked

@@ -269,7 +269,8 @@ function basisParts(of) {
     ["Rule books", books.length ? books : ["none"]],
     ["Accepted risk", distinct(of, ({risk}) => risk === undefined ? undefined : `${percent(risk)} of exceeding a limit`, "not stated")],
     ["Track", distinct(of, ({track}) => track, "not known")],
-    ["Vehicle", distinct(of, ({static_n: load, unsprung_kg: mass}) => `static wheel load ${kilonewtons(load)}, ${mass === undefined ? "unsprung mass not known" : `unsprung mass ${number(mass, 4)} kg per wheel`}`)],
+    ["Vehicle", distinct(of, ({vehicle, static_n: load, unsprung_kg: mass}) => `${vehicle === undefined ? "" : `${vehicle}: `}static wheel load ${kilonewtons(load)}, ${mass === undefined ? "unsprung mass not known" : `unsprung mass ${number(mass, 4)} kg per wheel`}`)],
+    ["Trains run", distinct(of, ({running}) => running, "direction not known")],
     ["Measured on", distinct(of, (one) => one.measured_on ?? (one.unknown && "not known"), "date not stated")],
     ["Line speed", distinct(of, (one) => one.line_kmh === undefined ? one.unknown && "not known" : kmh(one.line_kmh), "line speed not stated")],
   ];

@@ -35,6 +35,9 @@ interface Basis {
   rule_books: string[];
   risk?: number;
   track?: string;
+  /** In which direction trains run. */
+  running?: string;
+  vehicle?: string;
   static_n: number;
   unsprung_kg?: number;
   measured_on?: string;
