@@ -213,7 +213,7 @@ def answered(folder: Path) -> Path:
         kind="dip", dip_m=1e-3, protrusion_m=0.0, gradient_rad=1e-3, straightedge_m=1e-3, spacing_m=2e-3,
         edges=[EdgeReading(base_m=1.0, peak_m=0.1e-3, dip_m=0.3e-3)],
     )  # fmt: skip
-    low_passed = {"p2_force_n": [101e3] * 4, "force_20hz_n": [101e3] * 4, "line_speed_kmh": 140.0}
+    low_passed = {"p2_force_n": [101e3] * 4, "force_20hz_n": [101e3] * 4, "line_speed_kmh": 140.0, "running": "against"}
     names = {
         "weld-2-rise-between-shrinkages": (101, 102, 103, 104), "KM12": (110, 140, 150, 155),
         "bad": (110, 240, 250, 260),
@@ -241,6 +241,7 @@ def test_80_columns_hold_both_answers_and_no_word_breaks(tmp_path):
     assert "…" not in shown
     words = set(re.split(r"[\s│┃]+", shown))
     assert {"decision", "geometry", "force", "exceeding", "shrinkages", "UNDECIDED", "UNREADABLE", "REJECT"} <= words
+    assert {"criterion", "running", "against", "straightedge", "(informative)*", "unloading*"} <= words
     assert "KM12 running at most at 80 km/h" in shown
 
 

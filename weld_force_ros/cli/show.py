@@ -197,33 +197,35 @@ def _show_one(weld: "WeldRecord", restrict: float | None) -> None:
 def _show_criteria(criteria: "Sequence[Criterion]") -> None:
     from weld_force_ros.cli import terminal
 
-    sampled = any(isinstance(c.exceeding, float) for c in criteria)
-    columns = [("criterion", ""), ("value", "whole right"), ("limit", "right"), ("reject\nabove", "right")]
-    columns += [
-        ("at\nkm/h", "right"),
-        ("running", ""),
-        ("", ""),
-        *([("prob. of\nexceeding", "right")] if sampled else []),
-    ]
-    terminal.table("Criteria", columns, [_criterion_row(c)[: len(columns)] for c in criteria])
+    columns = {
+        "criterion": "", "value": "whole right", "limit": "right", "reject\nabove": "right", "at\nkm/h": "right",
+        "running": "whole", "": "", "prob. of\nexceeding": "right",
+    }  # fmt: skip
+    rows = [dict(zip(columns, _criterion_row(c), strict=True)) for c in criteria]
+    shown = {heading: how for heading, how in columns.items() if not heading or any(row[heading] for row in rows)}
+    terminal.table("Criteria", shown.items(), [[row[heading] for heading in shown] for row in rows])
+    if any(row["running"] for row in rows):
+        terminal.say_wrapped("running: with the direction in which x rises, or against it")
     if not all(c.verified for c in criteria):
         terminal.say_wrapped(_UNVERIFIED)
 
 
 def _criterion_row(criterion: "Criterion") -> tuple[str, ...]:
-    from weld_force_ros.assessment.criteria import in_words as criterion_in_words
+    from weld_force_ros.assessment.criteria import in_words
     from weld_force_ros.cli import terminal
-    from weld_force_ros.simulation.running import in_words
 
     c = criterion
-    name = criterion_in_words(c.name, c.base_m) if isinstance(c.rule_book, str) else c.name
+    name, state = c.name, ("" if c.passed else "over") + ("" if c.decides else " (informative only)")
+    if isinstance(c.rule_book, str):
+        name = in_words(c.name, c.base_m) + ("" if c.decides else " (informative)")
+        state = "" if c.passed else "over"
     return (
         name if c.verified else f"{name}*",
         _quantity(c.value, c.unit),
         _number(c.limit, c.unit),
         _number(c.reject_limit, c.unit) if isinstance(c.reject_limit, float) else "",
         f"{c.speed_kmh:g}" if isinstance(c.speed_kmh, float) else "",
-        in_words(c.running).removeprefix("running "),
-        ("" if c.passed else "over") + ("" if c.decides else " (informative only)"),
+        c.running if isinstance(c.running, str) else "",
+        state,
         terminal.percent(c.exceeding) if isinstance(c.exceeding, float) else "",
     )
