@@ -137,7 +137,7 @@ def test_receptance_is_a_row_major_matrix_of_the_exact_track(capfd):
 @pytest.mark.parametrize(
     ("arguments", "old", "verdicts"),
     [
-        (["verify", str(BAG)], False, 9),
+        (["verify", str(BAG)], False, 8),
         (["verify", str(BAG_OF_1_2)], False, 3),
         ([str(BAG_OF_1_1), "--verify"], True, 9),
     ],

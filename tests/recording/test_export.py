@@ -107,11 +107,13 @@ def test_tables_hold_what_was_recorded(exported):
     samples = csv_rows(exported / "profile_samples.csv")
     verdicts = csv_rows(exported / "verdicts.csv")
     by_place = {
-        (r["profile_id"], float(r["speed_kmh"]), float(r["position_m"])): float(r["peak_force_n"]) for r in maps
+        (r["profile_id"], r["running"], float(r["speed_kmh"]), float(r["position_m"])): float(r["peak_force_n"])
+        for r in maps
     }
     expected = {
-        (identity(m), speed, position): m.peak_force_n[i * len(m.positions_m) + k]
+        (identity(m), running, speed, position): of.peak_force_n[i * len(m.positions_m) + k]
         for m in demo_messages(ForceMap)
+        for running, of in (("with", m), ("against", m.against))
         for i, speed in enumerate(m.speeds_kmh)
         for k, position in enumerate(m.positions_m)
     }

@@ -211,7 +211,7 @@ def measure_next(
     if not measurable:
         return (
             f"no measurement of the weld decides {nearest.limit.name}: {shares.get(_MODEL, 0.0):.0%} of its variance "
-            "is the model's own; hold it against a geometric rule book, or have the force measured"
+            "is the model's own: go by the geometry, or have the force measured"
         )
     name = measurable[0]
     return f"{_MEASUREMENTS[name]} ({shares[name]:.0%} of the variance of {nearest.limit.name} is {name})"
