@@ -1,6 +1,7 @@
 """Run `weld-force assess`: measurement files to verdicts, without ROS."""
 
 import dataclasses
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +13,6 @@ from weld_force_ros.cli.options import (
     Json,
     Limits,
     MeasurementOptions,
-    Profiles,
     SimulationOptions,
     UncertaintyOptions,
     with_option_groups,
@@ -20,29 +20,68 @@ from weld_force_ros.cli.options import (
 from weld_force_ros.errors import InputError, WeldForceError
 
 if TYPE_CHECKING:
-    from weld_force_ros.messages import Rejection
-    from weld_force_ros.recording.weld_records import Record
+    from weld_force_ros.recording.weld_records import Record, RejectedRecord
+
+
+FailOn = Annotated[
+    str | None,
+    typer.Option(metavar="grind|reject", help="Exit code 1 only for these decisions; default: for all but accept."),
+]
+_FAILING = {None: ("undecided", "grind", "reject"), "grind": ("grind", "reject"), "reject": ("reject",)}
 
 
 @with_option_groups()
 def assess(
-    profiles: Profiles,
+    profiles: Annotated[list[str], typer.Argument(help="Files or folders of files, or names of bundled profiles.")],
     simulation: SimulationOptions,
     uncertainty: UncertaintyOptions,
     measurement: MeasurementOptions,
     limits: Limits = None,
     report: Annotated[Path | None, typer.Option(help="Also write the report page (HTML).")] = None,
+    fail_on: FailOn = None,
     json: Json = None,
 ) -> None:
     """Judge measured welds: what to do with each, and why; exit code 1 if a weld is not accepted.
 
     Of several vehicles, --vehicle passenger,freight-22.5t, the one that decides is named.
     """
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.messages import Rejection
+    from weld_force_ros.recording.weld_records import RejectedRecord, WeldRecord
+
+    if fail_on not in _FAILING:
+        raise InputError(f"--fail-on {fail_on!r} is no decision", "use grind or reject")
+    judged = _judge(simulation, uncertainty, measurement, limits)
+    records: list[Record] = []
+    with json_output.lines(json) as out, terminal.progress() as bar:
+        for file in bar.track(_files(profiles), description="assessing"):
+            for record in judged(file):
+                json_output.write(out, record.rejection if isinstance(record, RejectedRecord) else record.verdict)
+                records.append(record)
+    verdicts = [record.verdict for record in records if isinstance(record, WeldRecord)]
+    rejections: list[Rejection] = [record.rejection for record in records if isinstance(record, RejectedRecord)]
+    terminal.show_verdicts(verdicts, rejections)
+    if report is not None:
+        from weld_force_ros.report.html_page import page_of_records
+
+        with output_file(report) as page:
+            page.write(page_of_records(records, about="assessed files"))
+        terminal.say(f"written: {report}")
+    if rejections:
+        raise typer.Exit(2)
+    if any(verdict.decision in _FAILING[fail_on] for verdict in verdicts):
+        raise typer.Exit(1)
+
+
+def _judge(
+    simulation: SimulationOptions, uncertainty: UncertaintyOptions, measurement: MeasurementOptions, limits: str | None
+) -> Callable[[str], Iterator["Record"]]:
+    """Return a function that reads a file and yields the outcome of each of its welds."""
     from weld_force_ros.assessment import judge
     from weld_force_ros.assessment.rule_books import load_limits
     from weld_force_ros.cli import terminal
     from weld_force_ros.measurement.profile_file import find, read_profiles
-    from weld_force_ros.recording.weld_records import RejectedRecord, WeldRecord
+    from weld_force_ros.recording.weld_records import WeldRecord
     from weld_force_ros.simulation.simulator import Simulator
 
     chosen = dataclasses.replace(uncertainty, uncertainty_samples=uncertainty.samples_or_default)
@@ -50,45 +89,43 @@ def assess(
     vehicles = [None] if simulation.vehicle is None else simulation.vehicle.split(",")
     settings = [dataclasses.replace(simulation, vehicle=vehicle).settings(unknown) for vehicle in vehicles]
     simulators = [Simulator(one, on_fit=terminal.say) for one in settings]
-    settings_by_sha256 = {one.config_sha256: one for one in settings}
-    records: list[Record] = []
-    with json_output.lines(json) as out, terminal.progress() as bar:
-        for name in bar.track(profiles, description="assessing"):
+    by_sha256 = {one.config_sha256: one for one in settings}
+
+    def outcomes(file: str) -> Iterator["Record"]:
+        try:
+            welds = read_profiles(find(file), form)
+        except InputError as error:
+            yield _rejected(file, error)
+            return
+        for weld in welds:
             try:
-                welds = read_profiles(find(name), form)
-            except InputError as error:
-                rejection = _rejection(name, error)
-                json_output.write(out, rejection)
-                records.append(RejectedRecord(rejection))
+                found = judge.assess_vehicles(weld, simulators, applied)
+            except WeldForceError as error:
+                yield _rejected(file, error)
                 continue
-            for weld in welds:
-                try:
-                    assessed = judge.assess_vehicles(weld, simulators, applied)
-                except WeldForceError as error:
-                    rejection = _rejection(name, error)
-                    json_output.write(out, rejection)
-                    records.append(RejectedRecord(rejection))
-                    continue
-                json_output.write(out, assessed.verdict)
-                own = settings_by_sha256[assessed.verdict.config_sha256]
-                records.append(WeldRecord(assessed.verdict, assessed.force_map, weld, assessed.history, own, applied))
-    verdicts = [record.verdict for record in records if isinstance(record, WeldRecord)]
-    rejections = [record.rejection for record in records if isinstance(record, RejectedRecord)]
-    terminal.show_verdicts(verdicts, rejections)
-    if report is not None:
-        from weld_force_ros.report.html_page import page_of_records
+            own = by_sha256[found.verdict.config_sha256]
+            yield WeldRecord(found.verdict, found.force_map, weld, found.history, own, applied)
 
-        with output_file(report) as file:
-            file.write(page_of_records(records, about="assessed files"))
-        terminal.say(f"written: {report}")
-    if rejections:
-        raise typer.Exit(2)
-    if any(verdict.decision != "accept" for verdict in verdicts):
-        raise typer.Exit(1)
+    return outcomes
 
 
-def _rejection(name: str, error: WeldForceError) -> "Rejection":
+def _files(names: Sequence[str]) -> list[str]:
+    """Return files as they are named, and of folders those inside that are finished."""
+    from weld_force_ros.measurement.profile_file import UNFINISHED
+
+    found: list[str] = []
+    for name in names:
+        if not Path(name).is_dir():
+            found.append(name)
+            continue
+        inside = sorted(path for path in Path(name).iterdir() if path.is_file() and not path.name.startswith("."))
+        found += [str(path) for path in inside if not path.name.endswith(UNFINISHED)]
+    return found
+
+
+def _rejected(file: str, error: WeldForceError) -> "RejectedRecord":
     from weld_force_ros.messages import Rejection
+    from weld_force_ros.recording.weld_records import RejectedRecord
 
     reason, remedy = (error.reason, error.remedy) if isinstance(error, InputError) else (str(error), "")
-    return Rejection(source=Path(name).name[-200:] or name[-200:], reason=reason, remedy=remedy)
+    return RejectedRecord(Rejection(source=Path(file).name[-200:] or file[-200:], reason=reason, remedy=remedy))

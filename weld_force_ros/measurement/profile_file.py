@@ -416,6 +416,10 @@ def shipped_profile(name: str) -> WeldProfile:
     return read_profile(shipped()[name])
 
 
+UNFINISHED = (".part", ".partial", ".crdownload", ".tmp", "~")
+"""What copying programs end a file's name with until it is there."""
+
+
 def find(name_or_path: str | Path) -> Path:
     """Return the file of a bundled profile's name, or of a path; a bundled name goes first, `./name` is always a path.
 

@@ -10,11 +10,12 @@ from typing import NamedTuple
 
 import watchfiles
 
+from weld_force_ros.measurement.profile_file import UNFINISHED
+
 BATCH_FILES = 256
 """How many files are handed over in one call."""
 
 _TICK_MS = 20
-_UNFINISHED = (".part", ".partial", ".crdownload", ".tmp", "~")  # what copying programs call a file until it is there
 _FULL_SCAN_S = 5.0  # events of network drives may never come, and a burst of them may overflow
 _RETRY_S = 1.0
 
@@ -112,7 +113,7 @@ class FolderWatcher:
 
     def _note(self, names: Iterable[str]) -> None:
         for name in names:
-            if not name.startswith(".") and not name.endswith(_UNFINISHED):
+            if not name.startswith(".") and not name.endswith(UNFINISHED):
                 self._track(name)
 
     def _hand_over(self) -> None:
