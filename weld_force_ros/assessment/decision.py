@@ -202,7 +202,7 @@ def measure_next(
     open_ones = [one for one in judged if decides(one.limit) and 0 < float(one.exceeds().mean()) < 1]
     if not open_ones:
         return None
-    nearest = min(open_ones, key=lambda one: abs(float(one.exceeds().mean()) - 0.5))
+    nearest = max(open_ones, key=lambda one: ratio(one.criterion))
     shares = _shares(nearest, spread)
     if position_known:
         shares.pop(PLACE, None)

@@ -228,7 +228,7 @@ def is_found(source: Source) -> bool:
 
 def in_words(source: Source) -> str:
     """Return a source as a line of text."""
-    parts = [source.text, source.issue, source.place]
+    parts = [source.text.strip().removesuffix("."), source.issue, source.place]
     if source.kind != "judgement":
         parts += [source.address, source.kind, f"read {source.read}" if source.read else ""]
     return "; ".join(part for part in parts if part)
