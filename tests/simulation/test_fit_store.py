@@ -11,6 +11,10 @@ import pytest
 from weld_force_ros.cli.main import main
 from weld_force_ros.physics.track.beam import sections, static_compliance
 from weld_force_ros.simulation import fit_store, track_file
+from weld_force_ros.simulation.few_passages import support_levels
+from weld_force_ros.simulation.sampling import supported
+from weld_force_ros.simulation.settings import load_uncertainty, simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
 
 SMALL = fit_store.Search(degree=6, generations=3, population=8)
 
@@ -19,6 +23,24 @@ SMALL = fit_store.Search(degree=6, generations=3, population=8)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(platformdirs, "user_cache_path", lambda name: tmp_path / name)
     return tmp_path / "weld_force_ros" / "fits"
+
+
+@pytest.mark.parametrize("track", ["bilbao", "bilbao-viscous"])
+def test_a_first_verdict_with_intervals_on_the_papers_track_fits_nothing(cache: Path, track: str):
+    made: list[str] = []
+    Simulator(simulation_settings(track=track, uncertainty=load_uncertainty(32)), on_fit=made.append)
+    assert made == []
+    assert not cache.exists()
+
+
+def test_a_bundled_fit_of_other_supports_is_what_fitting_gives():
+    definition = supported(track_file.load("bilbao"), float(support_levels(load_uncertainty(32))[0]))
+    bundled, made = fit_store.fitted(definition), fit_store.make(definition)
+    assert bundled.key == made.key
+    omega = 2 * np.pi * np.linspace(30.0, 1500.0, 200)
+    assert np.allclose(
+        bundled.model().receptance(omega, [0.0, 0.3]), made.model().receptance(omega, [0.0, 0.3]), rtol=1e-6
+    )
 
 
 def test_an_interrupted_search_goes_on_and_ends_as_an_uninterrupted_one(cache: Path):

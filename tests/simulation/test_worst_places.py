@@ -18,7 +18,7 @@ KMH = np.arange(20.0, 301.0)
 
 def welds() -> list[WeldProfile]:
     synthetic = []
-    for weld in population(8, seed=11):
+    for weld in population(4, seed=11):
         x, z = weld.x_m.tolist(), weld.z_m.tolist()
         sha = profile_sha256(x, z)
         synthetic.append(WeldProfile(weld_id=weld.weld_id, source="seed 11", x_m=x, z_m=z, profile_sha256=sha))
@@ -26,9 +26,8 @@ def welds() -> list[WeldProfile]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("track", ["bilbao", "bilbao-viscous"])
-def test_the_curve_is_that_of_every_speed_and_position(track: str):
-    simulator = Simulator(simulation_settings(track=track, running="with"))
+def test_the_curve_is_that_of_every_speed_and_position():
+    simulator = Simulator(simulation_settings(track="bilbao-viscous", running="with"))
     for profile in welds():
         path = simulator.wheel_path(profile)
         everywhere = simulator.vehicle_track.peak_map(path, KMH, simulator.settings.positions_m, low_passed=True)
