@@ -9,24 +9,27 @@ if TYPE_CHECKING:
 
 
 class WeldForceError(Exception):
-    """The base of all errors of this package."""
-
-
-class InputError(WeldForceError):
-    """An input (profile, track, option, message, bag) that cannot be used as it stands.
+    """The base of all errors of this package.
 
     Attributes:
         reason: what is wrong and where.
-        remedy: what the user can do about it.
+        remedy: what the user can do about it; empty where nothing is known.
     """
 
-    def __init__(self, reason: str, remedy: str) -> None:
+    def __init__(self, reason: str, remedy: str = "") -> None:
         super().__init__(reason, remedy)  # both, so that it passes from one process to another
         self.reason = reason
         self.remedy = remedy
 
     def __str__(self) -> str:
-        return f"{self.reason}; {self.remedy}"
+        return f"{self.reason}; {self.remedy}" if self.remedy else self.reason
+
+
+class InputError(WeldForceError):
+    """An input (profile, track, option, message, bag) that cannot be used as it stands; there is always a remedy."""
+
+    def __init__(self, reason: str, remedy: str) -> None:
+        super().__init__(reason, remedy)
 
 
 class ProfileError(InputError):

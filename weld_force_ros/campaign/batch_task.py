@@ -149,8 +149,7 @@ class Assessor:
 
 
 def _rejected(row: dict[str, Any], weld: WeldProfile, error: WeldForceError) -> RejectedWeld:
-    reason, remedy = (error.reason, error.remedy) if isinstance(error, InputError) else (str(error), "")
-    return RejectedWeld(row | {"source": weld.source, "reason": reason, "remedy": remedy})
+    return RejectedWeld(row | {"source": weld.source, "reason": error.reason, "remedy": error.remedy})
 
 
 def _force_maps(simulator: Simulator, welds: list[WeldProfile]) -> list[ForceMap | WeldForceError]:

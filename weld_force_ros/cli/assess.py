@@ -127,5 +127,5 @@ def _rejected(file: str, error: WeldForceError) -> "RejectedRecord":
     from weld_force_ros.messages import Rejection
     from weld_force_ros.recording.weld_records import RejectedRecord
 
-    reason, remedy = (error.reason, error.remedy) if isinstance(error, InputError) else (str(error), "")
-    return RejectedRecord(Rejection(source=Path(file).name[-200:] or file[-200:], reason=reason, remedy=remedy))
+    source = Path(file).name[-200:] or file[-200:]
+    return RejectedRecord(Rejection(source=source, reason=error.reason, remedy=error.remedy))
