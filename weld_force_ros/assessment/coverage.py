@@ -10,7 +10,7 @@ from weld_force_ros.messages import Limit, Rules
 from weld_force_ros.simulation.force_map_view import RelevantMap, force_curve
 
 LOWEST_KMH = 40.0
-"""Below it no weld reaches more than above: computed over the bundled and the synthetic welds (tests)."""
+"""Below it the bundled welds 1 to 4 reach no more than from it to 80 km/h (tests); judgement for others."""
 WIDEST_STEP_KMH = 10.0
 WIDEST_GAP_M = 0.16
 """Of positions in the span: a quarter of it, and 1 cm for spans that are no round number."""

@@ -54,13 +54,6 @@ GEOMETRY_CRITERIA = ("quality_index", "straightedge", *EDGE_CRITERIA, "inclinati
 
 CRITERIA = (*FORCE_CRITERIA, *GEOMETRY_CRITERIA)
 
-UNITS = {
-    "peak_force": "N", "p2_force": "N", "force_20hz": "N", "contact_loss": "s", "straightedge": "m",
-    "straightedge_peak": "m", "straightedge_dip": "m", "straightedge_abs": "m", "inclination": "rad", "step": "m",
-}  # fmt: skip
-"""Unit of each criterion's values; 1 where it has none."""
-
-
 WORDS = {
     "peak_force": "peak force", "p2_force": "P2 force", "force_20hz": "Qmax, 20 Hz low-pass",
     "dynamic_factor": "dynamic load factor", "hertz_pressure_index": "contact pressure ratio",
@@ -72,7 +65,7 @@ WORDS = {
 """Name of each criterion in a sentence."""
 
 
-def in_words(name: str, base_m: float | UnsetType = UNSET) -> str:
+def criterion_in_words(name: str, base_m: float | UnsetType = UNSET) -> str:
     """Return a criterion's name as it stands in a sentence, with the length of its straightedge or chord."""
     words = WORDS.get(name, name)
     if isinstance(base_m, UnsetType):
@@ -86,7 +79,7 @@ def sentence_in_words(text: str, criteria: Sequence[Criterion]) -> str:
 
     def words(found: re.Match[str]) -> str:
         of_name = bases.get(found[0], {UNSET})
-        return in_words(found[0], next(iter(of_name)) if len(of_name) == 1 else UNSET)
+        return criterion_in_words(found[0], next(iter(of_name)) if len(of_name) == 1 else UNSET)
 
     return re.sub(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b", words, text)
 

@@ -204,7 +204,7 @@ def limits_of(file: RuleBookFile) -> Iterator[Limit]:
             stated |= {"verified": True, "verified_by": f"{checked.by}, {checked.date}: {checked.document}"}
         if not isinstance(stated.get("source"), str):
             source = _source(where, file.source, stated.pop("source", {}))
-            stated |= {"source": in_words(source), "source_kind": source.kind}
+            stated |= {"source": source_in_words(source), "source_kind": source.kind}
             stated["verified"] = stated.get("verified", False) or is_found(source)
         if file.name:
             stated["rule_book"] = file.name
@@ -226,7 +226,7 @@ def is_found(source: Source) -> bool:
     return source.kind in _FOUND and bool(source.address and source.read)
 
 
-def in_words(source: Source) -> str:
+def source_in_words(source: Source) -> str:
     """Return a source as a line of text."""
     parts = [source.text.strip().removesuffix("."), source.issue, source.place]
     if source.kind != "judgement":
@@ -237,3 +237,13 @@ def in_words(source: Source) -> str:
 def titles(settings: AssessmentSettings) -> Sequence[RuleBook]:
     """Return the rule books that settings were made of."""
     return [] if isinstance(settings.rule_books, UnsetType) else settings.rule_books
+
+
+def limits_by_book(settings: AssessmentSettings) -> list[tuple[RuleBook, list[Limit]]]:
+    """Return the limits of each of the rule books that settings were made of."""
+    return [(book, [limit for limit in settings.limits if limit.rule_book == book.name]) for book in titles(settings)]
+
+
+def verified_of(limits: Sequence[Limit]) -> str:
+    """Return how many of limits stand in a text that was read, as `3 of 4`."""
+    return f"{sum(limit.verified for limit in limits)} of {len(limits)}"

@@ -40,7 +40,7 @@ from weld_force_ros.messages import (
 )
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.simulation.force_map_view import Passages, RelevantMap, index_of_largest
-from weld_force_ros.simulation.running import in_words
+from weld_force_ros.simulation.running import direction_in_words
 
 WORST_POSITION = Rules(unknown_position="worst")
 """The rules of recordings that state none."""
@@ -103,7 +103,7 @@ def evaluate(
             beyond = (at_positions > one.levels.limit) + (at_positions > one.levels.reject_limit).astype(np.int64)
             severity = np.maximum(severity, beyond)
     row, column = relevant.peak_index
-    found = _risky(judged, unjudged, relevant, limits, rules) if rules.accepted_risk else None
+    found = _two_answers(judged, unjudged, relevant, limits, rules) if rules.accepted_risk else None
     decision, doubts = found.outcome if found else _decide(severity, relevant, rules, [one.name for one in unjudged])
     criteria = [one.criterion for one in judged]
     return Evaluation(
@@ -214,7 +214,7 @@ def _sampled(
     return FORCE_CRITERIA[limit.name](Passages.of_message(spread, relevant.passages.static_load_n, shape))
 
 
-class _Risky(NamedTuple):
+class _TwoAnswers(NamedTuple):
     """The two answers, the decision they make, and what would decide an undecided one."""
 
     geometry: Answer
@@ -231,9 +231,9 @@ class _Risky(NamedTuple):
         ]
 
 
-def _risky(
+def _two_answers(
     judged: Sequence[Judged], unjudged: Sequence[Limit], relevant: RelevantMap, limits: Sequence[Limit], rules: Rules
-) -> _Risky:
+) -> _TwoAnswers:
     """Return both answers at the accepted risk, and what would decide an undecided weld."""
     risk = known(rules.accepted_risk)
     assert risk is not None, "the caller has asked"  # noqa: S101
@@ -252,13 +252,13 @@ def _risky(
     )
     slower = _without_line_speed(force, limits, relevant)
     if slower is not force:
-        return _Risky(geometry, slower, _STATE_LINE_SPEED)
+        return _TwoAnswers(geometry, slower, _STATE_LINE_SPEED)
     undecided = {is_geometry for is_geometry, one in ((True, geometry), (False, force)) if one.decision == "undecided"}
     for is_geometry in undecided:
         if doubts[is_geometry]:
-            return _Risky(geometry, force, doubts[is_geometry][0])
+            return _TwoAnswers(geometry, force, doubts[is_geometry][0])
     open_ones = [one for one in judged if one.of_geometry in undecided]
-    return _Risky(geometry, force, measure_next(open_ones, relevant.force_map.spread, position_known=certain))
+    return _TwoAnswers(geometry, force, measure_next(open_ones, relevant.force_map.spread, position_known=certain))
 
 
 def _unmeasured(limit: Limit, relevant: RelevantMap) -> str:
@@ -285,7 +285,7 @@ def _findings(relevant: RelevantMap, criteria: Sequence[Criterion]) -> tuple[str
     peak_kn = relevant.passages.peak_force_n[row, column] / 1e3
     speed_kmh, position_cm = relevant.speeds_kmh[row], relevant.positions_m[column] * 100
     running = relevant.direction("peak_force_n", row, column)
-    words = f", {in_words(running)}" if relevant.force_map.running == "both" else ""
+    words = f", running {direction_in_words(running)}" if relevant.force_map.running == "both" else ""
     failed = [c.name for c in criteria if not c.passed and c.decides]
     informative = [c.name for c in criteria if not c.passed and not c.decides]
     return (

@@ -19,15 +19,14 @@ app = typer.Typer(no_args_is_help=True, help="Rule books: list them, check a fil
 @app.command("list")
 def list_() -> None:
     """List the bundled rule books, and how many of their numbers stand in a text that was read."""
-    from weld_force_ros.assessment.rule_books import bundled, limits_of, read_rule_book
+    from weld_force_ros.assessment.rule_books import bundled, limits_of, read_rule_book, verified_of
     from weld_force_ros.cli import terminal
 
     rows = []
     for name in bundled():
         book = read_rule_book(name)
         limits = list(limits_of(book))
-        verified = sum(limit.verified for limit in limits)
-        numbers = f"{verified} of {len(limits)}" if limits else "template: no numbers"
+        numbers = verified_of(limits) if limits else "template: no numbers"
         rows.append((name, book.title, book.state.replace("_", " "), numbers))
     terminal.table("Rule books", [("name", ""), ("what", ""), ("welds", ""), ("verified", "")], rows)
 

@@ -211,13 +211,13 @@ def _show_criteria(criteria: "Sequence[Criterion]") -> None:
 
 
 def _criterion_row(criterion: "Criterion") -> tuple[str, ...]:
-    from weld_force_ros.assessment.criteria import in_words
+    from weld_force_ros.assessment.criteria import criterion_in_words
     from weld_force_ros.cli import terminal
 
     c = criterion
     name, state = c.name, ("" if c.passed else "over") + ("" if c.decides else " (informative only)")
     if isinstance(c.rule_book, str):
-        name = in_words(c.name, c.base_m) + ("" if c.decides else " (informative)")
+        name = criterion_in_words(c.name, c.base_m) + ("" if c.decides else " (informative)")
         state = "" if c.passed else "over"
     return (
         name if c.verified else f"{name}*",

@@ -87,7 +87,7 @@ def show_table(found: Table) -> None:
 def show_maps(maps: Iterable[ForceMap]) -> None:
     """Print one line a force map: its worst passage."""
     from weld_force_ros.simulation.force_map_view import whole_map
-    from weld_force_ros.simulation.running import in_words
+    from weld_force_ros.simulation.running import direction_in_words
 
     rows = []
     for force_map in maps:
@@ -102,7 +102,7 @@ def show_maps(maps: Iterable[ForceMap]) -> None:
                 f"{peak_n / force_map.static_load_n:.2f}",
                 f"{force_map.speeds_kmh[speed]:g}",
                 f"{force_map.positions_m[position] * 100:.0f}",
-                in_words(relevant.direction("peak_force_n", speed, position)).removeprefix("running "),
+                direction_in_words(relevant.direction("peak_force_n", speed, position)),
                 f"{relevant.passages.contact_loss_s.max() * 1e3:.2f}",
                 f"{len(force_map.peak_force_n) * len(relevant.by_direction)}",
                 f"{force_map.elapsed_s:.2f}",
@@ -131,7 +131,7 @@ def show_verdicts(verdicts: Sequence[Verdict], rejections: Sequence[Rejection] =
     if any(has_answers(verdict) for verdict in verdicts):
         show_answers("Verdicts", [*verdicts, *rejections])
         return
-    from weld_force_ros.simulation.running import in_words
+    from weld_force_ros.simulation.running import direction_in_words
 
     rows: list[tuple[str | Text, ...]] = []
     for verdict in verdicts:
@@ -144,7 +144,7 @@ def show_verdicts(verdicts: Sequence[Verdict], rejections: Sequence[Rejection] =
                 f"{verdict.peak_force_n / verdict.static_load_n:.2f}",
                 f"{verdict.worst_speed_kmh:g}",
                 f"{verdict.worst_position_m * 100:.0f}",
-                in_words(verdict.worst_running).removeprefix("running "),
+                direction_in_words(verdict.worst_running),
                 failed or "-",
             )
         )
@@ -321,18 +321,15 @@ def _decisions(was: Verdict, now: Verdict) -> Text:
 
 def show_rule_books(settings: AssessmentSettings) -> None:
     """Print the rule books applied, each with the number of its limits that stand in a text that was read."""
-    from weld_force_ros.assessment.rule_books import titles
+    from weld_force_ros.assessment.rule_books import limits_by_book, verified_of
 
     own = [limit for limit in settings.limits if not isinstance(limit.rule_book, str)]
-    books = [
-        (book.name, book.title, [limit for limit in settings.limits if limit.rule_book == book.name])
-        for book in titles(settings)
-    ]
+    books = [(book.name, book.title, limits) for book, limits in limits_by_book(settings)]
     table(
         "Judged by",
         [("rule book", "whole"), ("what", ""), ("numbers\nverified", "right")],
         [
-            (name, what, f"{sum(limit.verified for limit in limits)} of {len(limits)}")
+            (name, what, verified_of(limits))
             for name, what, limits in [*books, *([("", "limits of no rule book", own)] if own else [])]
         ],
     )

@@ -13,7 +13,7 @@ from weld_force_ros.assessment.speed_advice import in_prose_kmh
 from weld_force_ros.messages import Answer, Criterion, GrindingAdvice, Verdict, known
 from weld_force_ros.recording.weld_records import Record, WeldRecord
 from weld_force_ros.report.numbers import significant, without_none
-from weld_force_ros.simulation.running import in_words
+from weld_force_ros.simulation.running import direction_in_words
 
 NOT_ASSESSED = {
     "geometry": "choose a rule book on the geometry: `--limits force,NAME`, names by `weld-force limits list`",
@@ -74,7 +74,7 @@ def basis(record: WeldRecord) -> dict[str, Any] | None:
         "rule_books": [f"{book.name}: {book.title}" for book in books if book.name in applied] or sorted(applied),
         "risk": known(verdict.accepted_risk),
         "track": force_map.track if force_map else settings.track if settings else None,
-        "running": (in_words(force_map.running).removeprefix("running ") or None) if force_map else None,
+        "running": (direction_in_words(force_map.running) or None) if force_map else None,
         "vehicle": known(verdict.vehicle) or (known(force_map.vehicle) if force_map else None),
         "static_n": verdict.static_load_n,
         "unsprung_kg": settings.wheel_mass_kg if settings else None,

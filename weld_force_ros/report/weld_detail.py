@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from weld_force_ros.assessment.criteria import FORCE_CRITERIA, sentence_in_words
 from weld_force_ros.assessment.judge import told_apart
 from weld_force_ros.assessment.limits import decides, levels, ratio, within_limits
-from weld_force_ros.assessment.rule_books import titles
+from weld_force_ros.assessment.rule_books import limits_by_book, verified_of
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import (
     Answer,
@@ -42,7 +42,7 @@ from weld_force_ros.simulation.force_map_view import (
     worse_passages,
 )
 from weld_force_ros.simulation.measured_geometry import standard_deviation
-from weld_force_ros.simulation.running import in_words
+from weld_force_ros.simulation.running import direction_in_words
 
 MOST_POINTS = 400
 _LONGEST_RAW_TEXT = 4_000
@@ -91,15 +91,15 @@ def _verdict(verdict: Verdict) -> dict[str, Any]:
     shown = {**short({k: v for k, v in content.items() if k not in _HEADER}), "criteria": criteria, "measure": measure}
     if isinstance(verdict.geometry, UnsetType) or isinstance(verdict.force, UnsetType):
         return shown
-    in_words = {
+    sentences = {
         "measure": measure_next(verdict) if verdict.decision == "undecided" else "",
         "reason": sentence_in_words(verdict.reason, verdict.criteria),
         "geometry": _answer(verdict.geometry, verdict.criteria, NOT_ASSESSED["geometry"]),
         "force": _answer(verdict.force, verdict.criteria, NOT_ASSESSED["force"]),
     }
     if isinstance(verdict.measure_next, str):
-        in_words["measure_next"] = sentence_in_words(verdict.measure_next, verdict.criteria)
-    return {**shown, **in_words}
+        sentences["measure_next"] = sentence_in_words(verdict.measure_next, verdict.criteria)
+    return {**shown, **sentences}
 
 
 def _answer(answer: Answer, criteria: Sequence[Criterion], to_choose: str) -> dict[str, Any]:
@@ -134,7 +134,7 @@ def _map(force_map: ForceMap, share: float | None) -> dict[str, Any]:
         "model_error": known(force_map.model_error),
         "line_speed_kmh": known(force_map.line_speed_kmh),
         "weld_position_m": known(force_map.weld_position_m),
-        "running": in_words(force_map.running) or None,
+        "running": f"running {direction_in_words(force_map.running)}" if known(force_map.running) else None,
         "measures": None if force_map.measures is UNSET else short(msgspec.to_builtins(force_map.measures)),
     }
     return without_none(content)
@@ -336,13 +336,9 @@ def _wheel(settings: SimulationSettings) -> str:
 
 
 def _limits(limits: AssessmentSettings) -> str:
-    books = titles(limits)
+    books = limits_by_book(limits)
     if books:
-        own = {book.name: [limit for limit in limits.limits if limit.rule_book == book.name] for book in books}
-        return ", ".join(
-            f"{name} ({sum(limit.verified for limit in found)} of {len(found)} numbers verified)"
-            for name, found in own.items()
-        )
+        return ", ".join(f"{book.name} ({verified_of(own)} numbers verified)" for book, own in books)
     unverified = sum(not limit.verified for limit in limits.limits)
     return f"{len(limits.limits)}, of which {unverified} unverified"
 

@@ -20,9 +20,9 @@ DIRECTIONS: Final[tuple[Direction, ...]] = ("with", "against")
 
 
 _WORDS = {
-    "with": "running towards rising x",
-    "against": "running against rising x",
-    "both": "running in both directions",
+    "with": "towards rising x",
+    "against": "against rising x",
+    "both": "in both directions",
 }
 
 
@@ -68,7 +68,7 @@ def directed_runs(running: Running | UnsetType, span_m: float) -> list[Run]:
     return [Run(direction, span_m) for direction in directions(running)]
 
 
-def in_words(running: Running | UnsetType) -> str:
+def direction_in_words(running: Running | UnsetType) -> str:
     """Return a direction as people read it; nothing if it is not known."""
     return "" if isinstance(running, UnsetType) else _WORDS[running]
 
