@@ -33,7 +33,7 @@ from weld_force_ros.campaign import (
 )
 from weld_force_ros.campaign.profile_table import RejectedRow
 from weld_force_ros.cli import main
-from weld_force_ros.errors import InputError
+from weld_force_ros.errors import InputError, NumericalError
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.simulation.simulator import Simulator
 
@@ -56,8 +56,8 @@ positions: 3
 batch_welds: 12
 """
 COMMAND = [sys.executable, "-m", "weld_force_ros.cli", "campaign"]
-# Of 20 welds of the first line half lie in the section that two vehicles run over; of the second's 9 one is unusable.
-WELDS, VERDICTS, REJECTIONS = 32, 20 + 20 + 8, 4
+# The first line's 20 welds lie in the section that two vehicles run over, 3 of its rows and 1 of 9 files are unusable.
+WELDS, VERDICTS, UNDER_VEHICLES, REJECTIONS = 32, 20 + 8, 20 + 20 + 8, 4
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +157,7 @@ def test_results_read_by_pandas_polars_duckdb_and_xarray(results):
     assert maps.peak_force_n.dims == ("weld", "speed_kmh", "position_m")
     assert (maps.peak_force_n.units, maps.speed_kmh.units, maps.position_m.units) == ("N", "km/h", "m")
     assert maps.sizes["weld"] == WELDS
-    row = by_pandas[(by_pandas.section == "first") & (by_pandas.vehicle == "freight")].iloc[0]
+    row = pd.read_parquet(results / "vehicles").query("section == 'first' and vehicle == 'freight'").iloc[0]
     at = maps.isel(weld=int(row.weld_number)).sel(
         speed_kmh=row.worst_speed_kmh, position_m=row.worst_position_m, method="nearest"
     )
@@ -165,7 +165,9 @@ def test_results_read_by_pandas_polars_duckdb_and_xarray(results):
     assert float(at.chainage_m) == row.chainage_m
 
 
-@pytest.mark.parametrize(("kind", "schema"), [("verdicts", tables.VERDICTS), ("speeds", tables.SPEEDS)])
+@pytest.mark.parametrize(
+    ("kind", "schema"), [("verdicts", tables.VERDICTS), ("vehicles", tables.VERDICTS), ("speeds", tables.SPEEDS)]
+)
 def test_schema_of_every_part(results, kind, schema):
     parts = list((results / kind).rglob("*.parquet"))
     assert parts
@@ -177,12 +179,66 @@ def test_verdicts_are_those_of_the_one_composition(folder, results):
     settings = its_plan.sections[0].vehicles["freight"]
     weld = next(synthetic_network.network(1, seed=1))
     verdict = judge(Simulator(settings, curves=False).force_map(weld), load_limits())
-    row = query.ask(results, "SELECT * FROM verdicts WHERE weld_number = 0 AND vehicle = 'freight'").records[0]
+    row = query.ask(results, "SELECT * FROM vehicles WHERE weld_number = 0 AND vehicle = 'freight'").records[0]
     assert (row["decision"], row["reason"]) == (verdict.decision, verdict.reason)
     assert (row["peak_force_n"], row["config_sha256"]) == (verdict.peak_force_n, settings.config_sha256)
     assert {f"value_{c.name}": row[f"value_{c.name}"] for c in verdict.criteria} == {
         f"value_{c.name}": c.value for c in verdict.criteria
     }
+
+
+def test_a_weld_has_the_verdict_of_the_vehicle_that_decides(folder, results):
+    its_plan, _ = planned(folder, results)
+    simulators = {name: Simulator(one, curves=False) for name, one in its_plan.sections[0].vehicles.items()}
+    grave = ["accept", "undecided", "grind", "reject"].index
+    expected = []
+    for number, weld in enumerate(profile_table.read(folder / "north.parquet", 0, 20)):
+        under = {name: judge(simulator.force_map(weld), load_limits()) for name, simulator in simulators.items()}
+        rank = {n: (grave(v.decision), v.force.exceeding, v.peak_force_n / v.static_load_n) for n, v in under.items()}
+        deciding = sorted(rank, key=rank.__getitem__)[-1]
+        expected.append((number, deciding, under[deciding].decision, under[deciding].peak_force_n))
+    assert len({vehicle for _, vehicle, _, _ in expected}) == 2, "both decide somewhere, or the test says nothing"
+    asked = "SELECT weld_number, vehicle, decision, peak_force_n FROM verdicts WHERE line = 'north' ORDER BY 1"
+    assert query.ask(results, asked).rows == expected
+    assert len(pd.read_parquet(results / "vehicles")) == UNDER_VEHICLES
+
+
+def test_a_weld_with_a_vehicle_that_cannot_be_assessed_has_no_verdict(folder, monkeypatch):
+    assessor = batch_task.Assessor(planned(folder, folder)[0])
+    (batch, *_) = sources.batches(assessor.plan.sources, 3)
+    welds = list(assessor.welds(batch))
+
+    def force_maps_but_of_the_light_vehicle(simulator, profiles):
+        light = simulator.settings.static_load_n < 100e3
+        return [
+            NumericalError("diverged", "x") if light and p is welds[1].weld else simulator.force_map(p)
+            for p in profiles
+        ]
+
+    monkeypatch.setattr(batch_task, "_force_maps", force_maps_but_of_the_light_vehicle)
+    outcomes = assessor.assess(welds)
+    (rejected,) = (one.row for one in outcomes if isinstance(one, batch_task.RejectedWeld))
+    assert (rejected["weld_number"], rejected["vehicle"], rejected["reason"]) == (1, "light", "diverged")
+    assessed = [(one.number, one.vehicle) for one in outcomes if isinstance(one, batch_task.AssessedWeld)]
+    assert assessed == [(0, "freight"), (0, "light"), (2, "freight"), (2, "light")]
+    assert sum(one.decides for one in outcomes if isinstance(one, batch_task.AssessedWeld)) == 2
+
+
+def test_results_of_an_earlier_layout_are_refused_in_a_line(folder, results, tmp_path, capsys):
+    older = tmp_path / "older"
+    older.mkdir()
+    content = json.loads((results / "plan.json").read_text(encoding="utf-8"))
+    del content["layout"]
+    (older / "plan.json").write_text(json.dumps(content), encoding="utf-8")
+    for command in (
+        [str(folder / "north.yaml"), "--out", str(older)],
+        ["summary", str(older)],
+        ["query", "changed", str(older), str(results)],
+    ):
+        assert main.main(["campaign", *command]) == 2
+        said = capsys.readouterr().err.splitlines()[-1]
+        assert "laid out otherwise" in said
+        assert "--out" in said
 
 
 def test_rejections_say_why(results):
@@ -195,9 +251,14 @@ def test_questions(results):
     speeds = pd.read_parquet(results / "speeds")
     at_160 = speeds[speeds.speed_kmh == 160.0]
     over = query.over(results, 170.0, peak_n=100e3)
-    assert len(over.rows) == (at_160.peak_force_n > 100e3).sum() > 0
-    assert len(query.over(results, 160.0).rows) == (~at_160.within_limits).sum()
-    for row in query.worse_if_restricted(results, 110.0).records:
+    worst = at_160.sort_values("peak_force_n").groupby("weld_number").tail(1)
+    beyond = worst[worst.peak_force_n > 100e3].sort_values("peak_force_n", ascending=False)
+    assert [row["peak_force_n"] for row in over.records] == beyond.peak_force_n.tolist() != []
+    assert [row["vehicle"] for row in over.records] == beyond.vehicle.tolist()
+    assert len(query.over(results, 160.0).rows) == at_160[~at_160.within_limits].weld_number.nunique()
+    rises = query.worse_if_restricted(results, 110.0)
+    assert len({row["weld_id"] for row in rises.records}) == len(rises.rows) > 0
+    for row in rises.records:
         assert row["to_kmh"] == 100.0
         assert row["peak_restricted_n"] > row["peak_now_n"]
     assert query.changed(results, results).rows == []

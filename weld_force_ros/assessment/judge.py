@@ -73,21 +73,23 @@ def assess(profile: WeldProfile, simulator: Simulates, limits: AssessmentSetting
 def assess_vehicles(profile: WeldProfile, simulators: Sequence[Simulates], limits: AssessmentSettings) -> Assessment:
     """Simulate a weld under each of several vehicles and judge it by the one that decides.
 
-    That is the one whose decision is the gravest; of equal ones, that with the highest probability of exceeding a force
-    limit, then with the highest peak relative to its static load.
-
     Raises:
         NumericalError: a passage did not stay finite.
         InputError: no limit holds for a line of that speed.
     """
-    return max((assess(profile, simulator, limits) for simulator in simulators), key=_gravity)
+    assessments = (assess(profile, simulator, limits) for simulator in simulators)
+    return max(assessments, key=lambda assessment: gravity(assessment.verdict))
 
 
 _GRAVITY: tuple[Decision, ...] = ("accept", "undecided", "grind", "reject")
 
 
-def _gravity(assessment: Assessment) -> tuple[int, float, float]:
-    verdict = assessment.verdict
+def gravity(verdict: Verdict) -> tuple[int, float, float]:
+    """Return by what the verdicts of several vehicles over a weld are ordered: the greatest is that of the weld.
+
+    That is the one whose decision is the gravest; of equal ones, that with the highest probability of exceeding a force
+    limit, then with the highest peak relative to its static load.
+    """
     force = known(verdict.force)
     exceeding = known(force.exceeding) if force is not None else None
     return _GRAVITY.index(verdict.decision), exceeding or 0.0, verdict.peak_force_n / verdict.static_load_n

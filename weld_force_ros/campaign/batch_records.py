@@ -21,8 +21,8 @@ class BatchRecord(msgspec.Struct, frozen=True):
 
     Attributes:
         plan_sha256: identity of the plan that the batch belongs to.
-        verdicts: number of verdicts, one for each weld and vehicle.
-        rejections: number of welds, or vehicles over a weld, that could not be assessed.
+        verdicts: number of welds with a verdict.
+        rejections: number of welds without one.
         files: SHA-256 of each file of its results, by the path below the campaign's folder.
     """
 

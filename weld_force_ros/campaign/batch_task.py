@@ -5,7 +5,7 @@ it, nothing but a record comes back.
 """
 
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ import pyarrow as pa  # type: ignore[import-untyped]
 from msgspec import UNSET
 from threadpoolctl import threadpool_limits
 
-from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.judge import gravity, judge
 from weld_force_ros.campaign import batch_records, result_store, sources, tables
 from weld_force_ros.campaign import plan as plans
 from weld_force_ros.campaign.batch_records import BatchRecord
@@ -25,7 +25,7 @@ from weld_force_ros.campaign.plan import Plan
 from weld_force_ros.campaign.profile_table import ProfileRow, RejectedRow
 from weld_force_ros.campaign.sources import WeldBatch
 from weld_force_ros.errors import InputError, WeldForceError
-from weld_force_ros.messages import ForceMap, WeldProfile
+from weld_force_ros.messages import ForceMap, Verdict, WeldProfile
 from weld_force_ros.simulation import fit_store, track_file
 from weld_force_ros.simulation.force_map_view import whole_map
 from weld_force_ros.simulation.simulator import Simulator
@@ -37,7 +37,13 @@ _loading = threading.Lock()
 
 
 class AssessedWeld(NamedTuple):
-    """The results of a weld under a vehicle: its rows of `tables.VERDICTS` and `tables.SPEEDS`, and its force map."""
+    """The results of a weld under a vehicle.
+
+    Attributes:
+        row: of `tables.VERDICTS`.
+        speeds: columns of `tables.SPEEDS`.
+        decides: whether the verdict is that of the weld.
+    """
 
     number: int
     section: str
@@ -45,6 +51,8 @@ class AssessedWeld(NamedTuple):
     row: dict[str, Any]
     speeds: dict[str, Any]
     force_map: ForceMap
+    verdict: Verdict
+    decides: bool = False
 
 
 class RejectedWeld(NamedTuple):
@@ -106,7 +114,10 @@ class Assessor:
                 number += 1
 
     def assess(self, welds: Iterable[SourceWeld]) -> list[AssessedWeld | RejectedWeld]:
-        """Return the outcome of each weld under each of its section's vehicles, rejected welds first."""
+        """Return the outcome of each weld: under each of its section's vehicles, or that it has none.
+
+        A weld is rejected if one of its vehicles cannot be assessed, as that one might decide.
+        """
         rejected = list[RejectedWeld]()
         placed: dict[str, _Placed] = {section.name: [] for section in self.plan.sections}
         for row, weld in welds:
@@ -119,13 +130,12 @@ class Assessor:
                 rejected.append(_rejected(row, weld, outside))
             else:
                 placed[section.name].append((row, weld))
-        assessed = [
-            outcome
-            for section in self.plan.sections
-            for vehicle in section.vehicles
-            for outcome in self._outcomes(placed[section.name], section, vehicle)
-        ]
-        return [*rejected, *assessed]
+        outcomes: list[AssessedWeld | RejectedWeld] = [*rejected]
+        for section in self.plan.sections:
+            by_vehicle = [[*self._outcomes(placed[section.name], section, vehicle)] for vehicle in section.vehicles]
+            for of_weld in zip(*by_vehicle, strict=True):
+                outcomes += _of_one_weld(of_weld)
+        return outcomes
 
     def _outcomes(
         self, placed: _Placed, section: NetworkSection, vehicle: str
@@ -145,7 +155,16 @@ class Assessor:
                 continue
             row |= tables.verdict_row(weld, force_map, verdict)
             speeds = tables.speed_columns(force_map, limits)
-            yield AssessedWeld(row["weld_number"], section.name, vehicle, row, speeds, force_map)
+            yield AssessedWeld(row["weld_number"], section.name, vehicle, row, speeds, force_map, verdict)
+
+
+def _of_one_weld(by_vehicle: Sequence[AssessedWeld | RejectedWeld]) -> Sequence[AssessedWeld | RejectedWeld]:
+    """Return the outcomes of a weld with the one that decides marked, or the first vehicle's that has none."""
+    assessed = [one for one in by_vehicle if isinstance(one, AssessedWeld)]
+    if len(assessed) < len(by_vehicle):
+        return [next(one for one in by_vehicle if isinstance(one, RejectedWeld))]
+    deciding = max(assessed, key=lambda one: gravity(one.verdict))
+    return [one._replace(decides=one is deciding) for one in assessed]
 
 
 def _rejected(row: dict[str, Any], weld: WeldProfile, error: WeldForceError) -> RejectedWeld:
@@ -174,8 +193,9 @@ def save(outcomes: list[AssessedWeld | RejectedWeld], batch: WeldBatch, out: Pat
     files: dict[str, str] = {}
     for section in sorted({one.section for one in assessed}):
         inside = sorted((one for one in assessed if one.section == section), key=lambda one: one.number)
-        verdicts = result_store.table_of((one.row for one in inside), tables.VERDICTS)
-        files |= result_store.write_table(verdicts, out, result_store.part("verdicts", batch.number, section))
+        for kind, those in (("verdicts", [one for one in inside if one.decides]), ("vehicles", inside)):
+            rows = result_store.table_of((one.row for one in those), tables.VERDICTS)
+            files |= result_store.write_table(rows, out, result_store.part(kind, batch.number, section))
         files |= result_store.write_table(_speeds(inside), out, result_store.part("speeds", batch.number, section))
         for vehicle in sorted({one.vehicle for one in inside}):
             blocks = _blocks([one for one in inside if one.vehicle == vehicle], batch)
@@ -183,7 +203,8 @@ def save(outcomes: list[AssessedWeld | RejectedWeld], batch: WeldBatch, out: Pat
     if rejected:
         rejections = result_store.table_of(rejected, tables.REJECTIONS)
         files |= result_store.write_table(rejections, out, result_store.part("rejections", batch.number))
-    record = BatchRecord(plan_sha256, batch.number, batch.welds, len(assessed), len(rejected), files)
+    verdicts = sum(one.decides for one in assessed)
+    record = BatchRecord(plan_sha256, batch.number, batch.welds, verdicts, len(rejected), files)
     batch_records.write(record, out)
     return record
 

@@ -13,9 +13,12 @@ from weld_force_ros.messages import AssessmentSettings
 
 _FILE = "plan.json"
 
+LAYOUT = 2
+"""How results are laid out in their folder; 1 had a row of verdicts for every vehicle over a weld."""
+
 
 class Plan(msgspec.Struct, frozen=True):
-    """All that the results depend on."""
+    """All that the results depend on; plans that name no layout are of the first."""
 
     software: str
     name: str
@@ -23,6 +26,7 @@ class Plan(msgspec.Struct, frozen=True):
     sections: list[NetworkSection]
     limits: AssessmentSettings
     batch_welds: int
+    layout: int = 1
 
     @property
     def welds(self) -> int:
@@ -55,7 +59,7 @@ class Plan(msgspec.Struct, frozen=True):
 
 def make(campaign: Campaign, sources: list[Source]) -> Plan:
     """Return the plan of a campaign over its sources."""
-    return Plan(SOFTWARE, campaign.name, sources, campaign.sections, campaign.limits, campaign.batch_welds)
+    return Plan(SOFTWARE, campaign.name, sources, campaign.sections, campaign.limits, campaign.batch_welds, LAYOUT)
 
 
 def claim_folder(plan: Plan, out: Path) -> bool:
@@ -84,14 +88,20 @@ def load(out: Path) -> Plan:
 
     Raises:
         FileNotFoundError: there is none.
-        InputError: it cannot be read.
+        InputError: it cannot be read, or the results are laid out as another version did.
     """
     try:
-        return msgspec.json.decode((out / _FILE).read_bytes(), type=Plan)
+        plan = msgspec.json.decode((out / _FILE).read_bytes(), type=Plan)
     except (FileNotFoundError, NotADirectoryError):
         raise FileNotFoundError(out / _FILE) from None
     except (OSError, msgspec.DecodeError) as error:
         raise InputError(f"{out / _FILE}: {error}", "remove that folder, or give another --out") from None
+    if plan.layout != LAYOUT:
+        raise InputError(
+            f"{out} holds results that {plan.software} laid out otherwise than one decision a weld",
+            "run the campaign again into another folder (--out)",
+        )
+    return plan
 
 
 def results(out: Path) -> Plan:

@@ -1,7 +1,8 @@
 """Query a campaign's results in SQL, by DuckDB over their Parquet parts.
 
-In a notebook, `connect(Path("results"))` gives a DuckDB connection with views `verdicts`, `speeds` and `rejections`,
-whose `sql(...).df()` is a pandas and `.pl()` a Polars table. Columns are those of `tables`, and `section`.
+In a notebook, `connect(Path("results"))` gives a DuckDB connection with views `verdicts`, `vehicles`, `speeds` and
+`rejections`, whose `sql(...).df()` is a pandas and `.pl()` a Polars table. Columns are those of `tables`, and
+`section`. Of the vehicles over a weld, questions answer with the one that they concern most: a row a weld.
 """
 
 from dataclasses import dataclass
@@ -14,9 +15,14 @@ import pyarrow as pa  # type: ignore[import-untyped]
 from weld_force_ros.campaign import plan, tables
 from weld_force_ros.errors import InputError
 
-_VIEWS = {"verdicts": tables.VERDICTS, "speeds": tables.SPEEDS, "rejections": tables.REJECTIONS}
+_VIEWS = {
+    "verdicts": tables.VERDICTS,
+    "vehicles": tables.VERDICTS,
+    "speeds": tables.SPEEDS,
+    "rejections": tables.REJECTIONS,
+}
 
-_WELD = "v.weld_id, v.line, v.section, v.vehicle, v.rail, v.chainage_m"
+_WELD = "v.weld_id, v.line, v.section, s.vehicle, v.rail, v.chainage_m"
 
 # The computed speed that is nearest to a given one and not above it.
 _AT = """
@@ -27,8 +33,9 @@ _AT = """
 _OVER = f"""
     SELECT {_WELD}, v.decision, s.at.speed_kmh AS speed_kmh, s.at.peak_force_n AS peak_force_n,
         s.at.p2_force_n AS p2_force_n, s.at.force_20hz_n AS force_20hz_n, s.at.contact_loss_s AS contact_loss_s
-    FROM ({_AT.format(speed="$at_kmh")}) s JOIN verdicts v USING (weld_number, vehicle)
+    FROM ({_AT.format(speed="$at_kmh")}) s JOIN verdicts v USING (weld_number)
     WHERE CASE WHEN $peak_n IS NULL THEN NOT s.at.within_limits ELSE s.at.peak_force_n > $peak_n END
+    QUALIFY row_number() OVER (PARTITION BY v.weld_number ORDER BY s.at.peak_force_n DESC, s.vehicle) = 1
     ORDER BY peak_force_n DESC, v.weld_number
 """  # noqa: S608
 
@@ -37,28 +44,32 @@ _WORSE = f"""
         now.peak_force_n AS peak_now_n, s.at.peak_force_n AS peak_restricted_n,
         s.at.peak_force_n / now.peak_force_n - 1 AS change
     FROM verdicts v
-    JOIN speeds now ON now.weld_number = v.weld_number AND now.vehicle = v.vehicle
+    JOIN ({_AT.format(speed="$to_kmh")}) s ON s.weld_number = v.weld_number
+    JOIN speeds now ON now.weld_number = v.weld_number AND now.vehicle = s.vehicle
         AND now.speed_kmh = v.judged_speed_kmh
-    JOIN ({_AT.format(speed="$to_kmh")}) s ON s.weld_number = v.weld_number AND s.vehicle = v.vehicle
     WHERE s.at.speed_kmh < v.judged_speed_kmh AND change > $by
+    QUALIFY row_number() OVER (PARTITION BY v.weld_number ORDER BY change DESC, s.vehicle) = 1
     ORDER BY change DESC, v.weld_number
 """  # noqa: S608
 
-# A weld is the same if line, rail, name and vehicle are; of one that was measured twice, the last counts.
+# A weld is the same if line, rail and name are; of one that was measured twice, the last counts.
 _LAST = """
     SELECT * FROM {prefix}verdicts
-    QUALIFY row_number() OVER (PARTITION BY line, rail, weld_id, vehicle ORDER BY weld_number DESC) = 1
+    QUALIFY row_number() OVER (PARTITION BY line, rail, weld_id ORDER BY weld_number DESC) = 1
 """
+# Forces are compared under one vehicle, the one that decides now.
 _CHANGED = f"""
     SELECT coalesce(a.weld_id, b.weld_id) AS weld_id, coalesce(a.line, b.line) AS line,
-        coalesce(a.vehicle, b.vehicle) AS vehicle, coalesce(a.rail, b.rail) AS rail,
-        coalesce(b.chainage_m, a.chainage_m) AS chainage_m, a.decision AS decision_before, b.decision AS decision_after,
-        a.peak_force_n AS peak_before_n, b.peak_force_n AS peak_after_n, b.peak_force_n / a.peak_force_n - 1 AS change
+        coalesce(a.rail, b.rail) AS rail, coalesce(b.chainage_m, a.chainage_m) AS chainage_m,
+        a.decision AS decision_before, b.decision AS decision_after,
+        a.vehicle AS vehicle_before, b.vehicle AS vehicle_after,
+        p.peak_force_n AS peak_before_n, b.peak_force_n AS peak_after_n, b.peak_force_n / p.peak_force_n - 1 AS change
     FROM ({_LAST.format(prefix="before_")}) a
     FULL JOIN ({_LAST.format(prefix="")}) b
-        ON a.weld_id = b.weld_id AND a.line = b.line AND a.vehicle = b.vehicle AND a.rail IS NOT DISTINCT FROM b.rail
+        ON a.weld_id = b.weld_id AND a.line = b.line AND a.rail IS NOT DISTINCT FROM b.rail
+    LEFT JOIN before_vehicles p ON p.weld_number = a.weld_number AND p.vehicle = coalesce(b.vehicle, a.vehicle)
     WHERE a.decision IS DISTINCT FROM b.decision OR abs(change) > $by
-    ORDER BY abs(change) DESC NULLS FIRST, weld_id, vehicle
+    ORDER BY abs(change) DESC NULLS FIRST, weld_id
 """  # noqa: S608
 
 
@@ -121,7 +132,7 @@ def _answer(connection: duckdb.DuckDBPyConnection, sql: str, values: dict[str, A
     try:
         return fetch(connection, sql, **values)
     except duckdb.Error as error:
-        raise InputError(" ".join(str(error).split()), "ask over the views verdicts, speeds and rejections") from None
+        raise InputError(" ".join(str(error).split()), f"ask over the views {', '.join(_VIEWS)}") from None
     finally:
         connection.close()
 

@@ -21,7 +21,7 @@ WORST = 50
 _SCRIPTS = ("words.js", "source.js", "charts.js", "campaign.js")
 _BIN_N = 10e3
 _STRETCHES = 120
-_VERDICTS_A_STRETCH = 8  # at least, so that no stretch is empty for want of welds
+_WELDS_A_STRETCH = 8  # at least, so that no stretch is empty for want of welds
 _LINES = 12  # whose chainage is drawn
 _GROUPS = 40  # of one kind, the largest
 
@@ -33,25 +33,32 @@ _FORCES = f"""
 """  # noqa: S608
 
 _GROUPED = """
-    WITH named AS (SELECT {group} AS name, decision, peak_force_n FROM verdicts),
+    WITH named AS (SELECT {group} AS name, decision, peak_force_n FROM {view}),
         largest AS (SELECT name FROM named GROUP BY name ORDER BY count(*) DESC, name LIMIT $groups)
     SELECT name, count(*) AS n, histogram(decision) AS decisions, median(peak_force_n) AS median_n,
         quantile_cont(peak_force_n, 0.95) AS high_n, max(peak_force_n) AS most_n
     FROM named WHERE name IN (FROM largest) GROUP BY name ORDER BY name
 """
-_GROUPS_BY = {
-    "line": "CASE line WHEN '' THEN 'unnamed line' ELSE line END",
-    "section and vehicle": "section || ', ' || vehicle",
-    "class": "geometry_kind || ', ' || CASE curve_class WHEN 'hollow' THEN 'force falls with speed somewhere' "
-    "ELSE 'force rises with speed' END",
-    "line speed": "CASE WHEN line_speed_kmh IS NULL THEN 'unknown' ELSE printf('%4d km/h', line_speed_kmh::INT) END",
-    "worst position": "printf('%3d cm after the sleeper', round(100 * worst_position_m)::INT)",
+_GROUPS_BY = {  # heading: view, and the name of the group in it
+    "line": ("verdicts", "CASE line WHEN '' THEN 'unnamed line' ELSE line END"),
+    "section and vehicle": ("vehicles", "section || ', ' || vehicle"),
+    "vehicle that decides": ("verdicts", "vehicle"),
+    "class": (
+        "verdicts",
+        "geometry_kind || ', ' || CASE curve_class WHEN 'hollow' THEN 'force falls with speed somewhere' "
+        "ELSE 'force rises with speed' END",
+    ),
+    "line speed": (
+        "verdicts",
+        "CASE WHEN line_speed_kmh IS NULL THEN 'unknown' ELSE printf('%4d km/h', line_speed_kmh::INT) END",
+    ),
+    "worst position": ("verdicts", "printf('%3d cm after the sleeper', round(100 * worst_position_m)::INT)"),
 }
 
 _WORST = """
     SELECT weld_number, weld_id, line, section, vehicle, rail, chainage_m, decision, peak_force_n, worst_speed_kmh,
         worst_running, worst_criterion, worst_ratio, permitted_speed_kmh, judged_speed_kmh
-    FROM verdicts ORDER BY worst_ratio DESC, peak_force_n DESC, weld_number, vehicle LIMIT $worst
+    FROM verdicts ORDER BY worst_ratio DESC, peak_force_n DESC, weld_number LIMIT $worst
 """
 
 _CHAINAGES = """
@@ -62,7 +69,7 @@ _CHAINAGES = """
 _ALONG = """
     SELECT least(floor((v.chainage_m - $first_m) / $stretch_m), $last)::INT AS stretch, s.speed_kmh,
         max(s.peak_force_n) AS peak_n
-    FROM verdicts v JOIN speeds s USING (weld_number, vehicle)
+    FROM verdicts v JOIN speeds s USING (weld_number)
     WHERE v.line = $line AND v.chainage_m IS NOT NULL GROUP BY ALL
 """
 
@@ -114,8 +121,8 @@ def _facts(plan: Plan, connection: duckdb.DuckDBPyConnection) -> dict[str, Any]:
         "bin_n": _BIN_N,
         "forces": _records(connection, _FORCES),
         "groups": [
-            {"by": by, "rows": _records(connection, _GROUPED.format(group=group), groups=_GROUPS)}
-            for by, group in _GROUPS_BY.items()
+            {"by": by, "rows": _records(connection, _GROUPED.format(view=view, group=group), groups=_GROUPS)}
+            for by, (view, group) in _GROUPS_BY.items()
         ],
         "lines": [_along(connection, line) for line in _records(connection, _CHAINAGES, lines=_LINES)],
         "rejections": _records(connection, _REJECTIONS),
@@ -125,7 +132,7 @@ def _facts(plan: Plan, connection: duckdb.DuckDBPyConnection) -> dict[str, Any]:
 
 def _along(connection: duckdb.DuckDBPyConnection, line: dict[str, Any]) -> dict[str, Any]:
     """Return the maximum force over chainage and speed of a line: (n_speed, n_stretch), None where no weld is."""
-    stretches = max(1, min(_STRETCHES, line["n"] // _VERDICTS_A_STRETCH))
+    stretches = max(1, min(_STRETCHES, line["n"] // _WELDS_A_STRETCH))
     stretch_m = max((line["last_m"] - line["first_m"]) / stretches, 1.0)
     cells = _records(
         connection, _ALONG, line=line["line"], first_m=line["first_m"], stretch_m=stretch_m, last=stretches - 1

@@ -1,7 +1,6 @@
-"""Define the rows of a campaign's results: verdicts, forces by speed, rejections.
+"""Define the rows of a campaign's results: verdicts of welds and of vehicles over them, forces by speed, rejections.
 
-A weld is known by `weld_number`, its place in the order of the sources, and each vehicle over it has rows of its own.
-Columns say their units in their names.
+A weld is known by `weld_number`, its place in the order of the sources. Columns say their units in their names.
 """
 
 from typing import Any
@@ -59,8 +58,8 @@ VERDICTS = pa.schema(
         **{f"value_{name}": pa.float64() for name in CRITERIA}, **_OF_MEASURES,
     }
 )  # fmt: skip
-"""One row a weld and vehicle; `value_*` is each criterion's value in SI units, `worst_*` the criterion nearest to its
-limit, or farthest beyond it, of those that decide."""
+"""One row a weld, that of the vehicle which decides; or one a weld and vehicle. `value_*` is each criterion's value in
+SI units, `worst_*` the criterion nearest to its limit, or farthest beyond it, of those that decide."""
 
 SPEEDS = pa.schema(
     {
@@ -77,7 +76,7 @@ REJECTIONS = pa.schema(
     {"weld_number": pa.int64(), "vehicle": pa.string(), "line": pa.string(), "origin": pa.string(),
      "source": pa.string(), "reason": pa.string(), "remedy": pa.string()}
 )  # fmt: skip
-"""One row a weld that could not be assessed; `vehicle` where it is one vehicle's passages that could not."""
+"""One row a weld that has no verdict; `vehicle` where it is that one's passages which could not be assessed."""
 
 
 def verdict_row(profile: WeldProfile, force_map: ForceMap, verdict: Verdict) -> dict[str, Any]:

@@ -117,7 +117,7 @@ def changed(
 @queries.command()
 def sql(
     results: Results,
-    text: Annotated[str, typer.Argument(help="SQL over verdicts, speeds and rejections.")],
+    text: Annotated[str, typer.Argument(help="SQL over verdicts, vehicles, speeds and rejections.")],
     show: Show = _SHOWN,
     json: Json = None,
 ) -> None:

@@ -18,13 +18,13 @@ const whole = (value) => value.toLocaleString("en-GB").replaceAll(",", " ");
 const card = (title, ...children) => element("section", {class: "card", "aria-label": title}, element("h2", {}, title), ...children);
 
 function chips() {
-  const verdicts = found.decisions.reduce((sum, row) => sum + row.n, 0);
+  const judged = found.decisions.reduce((sum, row) => sum + row.n, 0);
   /** @type {(sign: HTMLElement, count: number, share: string) => HTMLElement} */
   const chip = (sign, count, share) => element("div", {class: "chip"}, sign, element("span", {class: "number"}, whole(count)),
     element("span", {class: "small"}, share));
   const decided = [...found.decisions].sort((a, b) => decisionOf(a.decision).order - decisionOf(b.decision).order);
-  return element("div", {class: "chips", role: "group", "aria-label": "Verdicts by decision"},
-    decided.map((row) => chip(badge(row.decision), row.n, percent(row.n / verdicts))),
+  return element("div", {class: "chips", role: "group", "aria-label": "Welds by decision"},
+    decided.map((row) => chip(badge(row.decision), row.n, percent(row.n / judged))),
     found.rejected > 0 && chip(badge("unusable"), found.rejected, "no verdict"));
 }
 
@@ -57,7 +57,7 @@ function groupTable({by, rows}) {
     element("th", {scope: "row"}, group.name), right(whole(group.n)), element("td", {}, shareBar(group)),
     inOrder.map((d) => right(group.decisions[d] ? percent(group.decisions[d] / group.n) : "–")),
     [group.median_n, group.high_n, group.most_n].map((force) => right(kilonewtons(force))));
-  const headings = ["Verdicts", "Decisions", ...inOrder.map((d) => decisionOf(d).label), "Median peak", "95 % below", "Highest"];
+  const headings = ["Welds", "Decisions", ...inOrder.map((d) => decisionOf(d).label), "Median peak", "95 % below", "Highest"];
   return card(`By ${by}`, element("div", {class: "scroll"}, element("table", {},
     element("thead", {}, element("tr", {}, element("th", {scope: "col"}, by[0].toUpperCase() + by.slice(1)),
       headings.map((name) => element("th", {scope: "col", class: name === "Decisions" ? undefined : "right"}, name)))),
@@ -74,7 +74,7 @@ function drawForces(holder) {
       y: rows.map((row) => row.n), width: found.bin_n / 1e3, marker: {color: DECISION_COLOURS[decision]},
       hovertemplate: `%{x:.0f} kN: %{y}<extra>${decisionOf(decision).label}</extra>`};
   });
-  return draw(holder, traces, layout({title: "peak force, kN"}, {title: "verdicts"}, {barmode: "stack"}), false);
+  return draw(holder, traces, layout({title: "peak force, kN"}, {title: "welds"}, {barmode: "stack"}), false);
 }
 
 /**
