@@ -16,6 +16,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import xarray as xr
+from msgspec import UNSET
+from msgspec.structs import replace
 
 from weld_force_ros.assessment.judge import judge
 from weld_force_ros.assessment.rule_books import load_limits
@@ -35,6 +37,7 @@ from weld_force_ros.campaign.profile_table import RejectedRow
 from weld_force_ros.cli import main
 from weld_force_ros.errors import InputError, NumericalError
 from weld_force_ros.measurement import profile_file
+from weld_force_ros.recording.recording import open_recording
 from weld_force_ros.simulation.simulator import Simulator
 
 pytestmark = pytest.mark.slow
@@ -75,7 +78,7 @@ def folder(tmp_path_factory):
 
 
 def planned(folder, out, file="north.yaml"):
-    campaign = campaign_file.read(folder / file)
+    campaign = replace(campaign_file.read(folder / file), out=out)
     return plan.make(campaign, sources.find(campaign)), out
 
 
@@ -307,6 +310,78 @@ def test_batches_hold_every_weld_once(folder):
     assert [part.source for part in cut[1].slices] == [0, 1]
 
 
+def scan(*chainages_m):
+    """A file of several welds, with the noise of an instrument, at chainages: the records of a trolley one by one."""
+    x_m = np.arange(-0.6, 0.6025, 0.005)
+    noise_um = np.random.default_rng(1).normal(0.0, 3.0, (len(chainages_m), len(x_m)))
+    rows = [
+        f"W{chainage:.0f},{chainage + x:.3f},{z:.1f}"
+        for chainage, own in zip(chainages_m, noise_um, strict=True)
+        for x, z in zip(x_m, own - 200.0 * (np.abs(x_m) < 0.1) * (1 + np.cos(10 * np.pi * x_m)) / 2, strict=True)
+    ]
+    return "\n".join(
+        ["# x_unit: m", "# z_unit: um", "# z_positive: up", "# line_speed_kmh: 160", "weld,x,z", *rows, ""]
+    )
+
+
+@pytest.fixture
+def scanned(tmp_path):
+    """A campaign of two welds a batch over a folder with a file of one weld, one of three, and one of none."""
+    (tmp_path / "scans" / "sub").mkdir(parents=True)
+    (tmp_path / "scans" / "a.csv").write_text(scan(900.0), encoding="utf-8")
+    (tmp_path / "scans" / "sub" / "b.csv").write_text(scan(1000.0, 1018.0, 1036.0), encoding="utf-8")
+    (tmp_path / "scans" / "sub" / "c.csv").write_text("x,z\n0,0\n", encoding="utf-8")
+    (tmp_path / "scans" / "sub" / "d.csv.part").write_text(scan(2000.0), encoding="utf-8")
+    text = "name: c\nsources: [{folder: scans}]\nspeeds: [100, 160]\npositions: 2\nbatch_welds: 2\n"
+    (tmp_path / "c.yaml").write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+def test_every_weld_of_a_file_is_one_of_the_campaign(scanned):
+    names = ("a.csv", "sub/b.csv")
+    alone = [weld for name in names for weld in profile_file.read_profiles(scanned / "scans" / name)]
+    assert [weld.chainage_m for weld in alone] == pytest.approx([900.0, 1000.0, 1018.0, 1036.0], abs=5e-3)
+    out = scanned / "results"
+    its_plan = computed(scanned, out, file="c.yaml")
+    batches = list(sources.batches(its_plan.sources, 2))
+    assert [batch.welds for batch in batches] == [2, 2, 1], "a batch ends within a file"
+    read = [row for batch in batches for part in batch.slices for row in sources.read(its_plan.sources[0], part)]
+    unlike = ("schema_version", "publisher", "sequence", "stamp", "conditioning")
+    for weld, expected in zip(read[:4], alone, strict=True):
+        for name in set(weld.__struct_fields__) - set(unlike):
+            assert getattr(weld, name) == getattr(expected, name), name
+    simulator = Simulator(its_plan.sections[0].vehicles["own"], curves=False)
+    verdicts = [judge(simulator.force_map(weld), load_limits()) for weld in alone]
+    asked = "SELECT weld_number, weld_id, chainage_m, decision, peak_force_n FROM verdicts ORDER BY weld_number"
+    assert query.ask(out, asked).rows == [
+        (n, v.weld_id, v.chainage_m, v.decision, v.peak_force_n) for n, v in enumerate(verdicts)
+    ]
+    assert query.ask(out, "SELECT weld_number, source FROM rejections").rows == [(4, "sub/c.csv")]
+
+
+def test_processes_read_a_folder_as_one_does(scanned, monkeypatch):
+    def tables(out):
+        campaign = replace(campaign_file.read(scanned / "c.yaml"), out=out)
+        return [Path(source.path).read_bytes() for source in sources.find(campaign)]
+
+    one = tables(scanned / "one")
+    monkeypatch.setattr(sources, "_WORTH_PROCESSES", 1)
+    assert tables(scanned / "many") == one
+
+
+def test_a_folder_is_read_once_for_all_runs(scanned):
+    said = []
+    campaign = campaign_file.read(scanned / "c.yaml")
+    first = sources.find(campaign, said.append)
+    assert said == ["reading scans: 3 files"]
+    assert sources.find(campaign, said.append) == first
+    assert len(said) == 1
+    (scanned / "scans" / "a.csv").write_text(scan(900.0, 918.0), encoding="utf-8")
+    (changed,) = sources.find(campaign, said.append)
+    assert changed.welds == first[0].welds + 1
+    assert changed.path != first[0].path
+
+
 def test_bags_are_sources(tmp_path):
     recording = Path(__file__).parents[2] / "bags" / "demo"
     (tmp_path / "c.yaml").write_text(f"name: c\nsources: [{{bag: {recording}}}]\n", encoding="utf-8")
@@ -316,6 +391,10 @@ def test_bags_are_sources(tmp_path):
     welds = list(sources.read(found, batch.slices[0]))
     assert len(welds) == found.welds > 0
     assert len({weld.profile_sha256 for weld in welds}) == len(welds)
+    recorded = open_recording(recording).profiles
+    for weld in welds:
+        assert weld.noise == recorded[weld.weld_id, weld.profile_sha256].noise
+        assert weld.noise is not UNSET
 
 
 @pytest.mark.parametrize(

@@ -132,7 +132,7 @@ def _saved(plan: Plan, outcomes: list[AssessedWeld | RejectedWeld]) -> tuple[flo
     count = len(numbered)
     with tempfile.TemporaryDirectory(prefix="weld-force-plan-") as folder:
         out = Path(folder)
-        source = sources.Source("table", "", "", "", count, "")
+        source = sources.Source("", "", "", count, "")
         batch_welds = max(count, plan.batch_welds)
         trial = Plan(plan.software, plan.name, [source], plan.sections, plan.limits, batch_welds)
         result_store.create_maps(trial, out)

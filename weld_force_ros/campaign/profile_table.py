@@ -1,6 +1,7 @@
 """Read and write welds as a Parquet table, a row each: the columns of a conditioned `messages.WeldProfile`.
 
-Only `x_m` and `z_m` (lists of m) must be there. What is wrong with a row concerns this row alone.
+A written table holds all that results depend on. Of others only `x_m` and `z_m` (lists of m) must be there. What is
+wrong with a row concerns this row alone.
 """
 
 import itertools
@@ -16,22 +17,40 @@ from msgspec import UNSET
 
 from weld_force_ros._files import whole_file
 from weld_force_ros.errors import InputError, os_errors_as
-from weld_force_ros.messages import WeldProfile, legible, profile_problem, profile_sha256
+from weld_force_ros.messages import WeldProfile, legible, profile_sha256
 
 ROW_GROUP = 256
 """Rows that are read together: a batch's, so that nothing is read for nothing."""
 
-_TEXTS = ("weld_id", "source", "rail", "instrument", "profile_sha256", "source_sha256", "running")
+_TEXTS = (
+    *("weld_id", "source", "rail", "instrument", "profile_sha256", "source_sha256", "running"),
+    *("format", "kind", "operator", "measured_on"),
+)
 _NUMBERS = ("chainage_m", "line_speed_kmh", "weld_position_m")
-_LISTS = ("x_m", "z_m")
-_UNUSABLE = "unusable"
-_REMEDY = "correct this row"
+_GEOMETRY = ("x_m", "z_m")
+_LISTS = (*_GEOMETRY, "measured_x_m", "measured_z_m")
+_UNUSABLE, _REMEDY = "unusable", "remedy"
+_CORRECT = "correct this row"
 
 SCHEMA = pa.schema(
     [(name, pa.string()) for name in _TEXTS]
     + [(name, pa.float64()) for name in _NUMBERS]
     + [(name, pa.list_(pa.float64())) for name in _LISTS]
-    + [(_UNUSABLE, pa.string())]
+    + [
+        (
+            "noise",
+            pa.struct(
+                {
+                    "method": pa.string(),
+                    "noise_m": pa.float64(),
+                    "stated": pa.bool_(),
+                    "resolution_m": pa.float64(),
+                    "outliers_m": pa.list_(pa.float64()),
+                }
+            ),
+        )
+    ]
+    + [(_UNUSABLE, pa.string()), (_REMEDY, pa.string())]
 )
 
 
@@ -74,11 +93,9 @@ def _write(stream: BinaryIO, welds: Iterable[ProfileRow]) -> int:
 
 def _row(weld: ProfileRow) -> dict[str, Any]:
     if isinstance(weld, RejectedRow):
-        return {"source": weld.source, _UNUSABLE: f"{weld.reason}; {weld.remedy}"}
-    row = {name: getattr(weld, name) for name in (*_TEXTS, *_NUMBERS)}
-    return {name: value for name, value in row.items() if value is not UNSET} | {
-        name: np.asarray(getattr(weld, name)) for name in _LISTS
-    }
+        return {"source": weld.source, _UNUSABLE: weld.reason, _REMEDY: weld.remedy}
+    row = {name: value for name in SCHEMA.names[:-2] if (value := getattr(weld, name)) is not UNSET}
+    return {name: np.asarray(value) if name in _LISTS else msgspec.to_builtins(value) for name, value in row.items()}
 
 
 def count_rows(path: Path) -> int:
@@ -90,7 +107,7 @@ def count_rows(path: Path) -> int:
     remedy = "give a Parquet file with columns x_m and z_m, lists of m"
     try:
         with pq.ParquetFile(path) as file:
-            absent = [name for name in _LISTS if name not in file.schema_arrow.names]
+            absent = [name for name in _GEOMETRY if name not in file.schema_arrow.names]
             count: int = file.metadata.num_rows
     except (OSError, pa.ArrowException) as error:
         raise InputError(f"{path}: {legible(str(error))}", remedy) from None
@@ -135,9 +152,11 @@ def _tables(path: Path, first: int, count: int) -> Iterator[Any]:
 def _welds(path: Path, first: int, table: Any) -> Iterator[ProfileRow]:
     stated = [name for name in table.column_names if name not in _LISTS]
     rows = table.select(stated).to_pylist() if stated else [{} for _ in range(len(table))]
-    lists = [_lists(table.column(name)) for name in _LISTS]
-    for number, (row, x_m, z_m) in enumerate(zip(rows, *lists, strict=True), start=first + 1):
-        yield _weld(f"{path.name}, row {number}", f"{path.stem}-{number}", row, x_m, z_m)
+    for name in set(_LISTS).intersection(table.column_names):
+        for row, values in zip(rows, _lists(table.column(name)), strict=True):
+            row[name] = values if values or name in _GEOMETRY else None
+    for number, row in enumerate(rows, start=first + 1):
+        yield _weld(f"{path.name}, row {number}", f"{path.stem}-{number}", row)
 
 
 def _lists(column: Any) -> list[list[float]]:
@@ -148,17 +167,22 @@ def _lists(column: Any) -> list[list[float]]:
     return [flat[begin:end].tolist() for begin, end in itertools.pairwise(ends)]
 
 
-def _weld(where: str, weld_id: str, row: dict[str, Any], x_m: list[float], z_m: list[float]) -> ProfileRow:
-    if unusable := row.pop(_UNUSABLE, None):
-        reason, _, remedy = unusable.rpartition("; ")
-        return RejectedRow(row.get("source") or where, reason, remedy)
-    content = {"weld_id": weld_id, "source": where[-200:]} | {k: v for k, v in row.items() if v is not None}
+def _weld(where: str, weld_id: str, row: dict[str, Any]) -> ProfileRow:
+    unusable, remedy = row.pop(_UNUSABLE, None), row.pop(_REMEDY, None)
+    if unusable:
+        return RejectedRow(row.get("source") or where, unusable, remedy or _CORRECT)
+    content = {"weld_id": weld_id, "source": where[-200:]} | _without_none(row)
+    if "noise" in content:
+        content["noise"] = _without_none(content["noise"])
+    if "profile_sha256" not in content:
+        content["profile_sha256"] = profile_sha256(row["x_m"], row["z_m"])
     try:
-        if problem := profile_problem(x_m, z_m):
-            return RejectedRow(where, problem, _REMEDY)
-        own = profile_sha256(x_m, z_m)
-        if content.setdefault("profile_sha256", own) != own:
-            return RejectedRow(where, "profile_sha256 is not the hash of x_m and z_m", _REMEDY)
-        return msgspec.convert(content | {"x_m": x_m, "z_m": z_m}, WeldProfile)
+        weld = msgspec.convert(content, WeldProfile)
     except (msgspec.ValidationError, ValueError) as error:
-        return RejectedRow(where, legible(str(error)), _REMEDY)
+        return RejectedRow(where, legible(str(error)), _CORRECT)
+    problem = weld.problem()
+    return RejectedRow(where, problem, _CORRECT) if problem else weld
+
+
+def _without_none(row: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in row.items() if value is not None}
