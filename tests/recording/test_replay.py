@@ -1,17 +1,23 @@
 """Replay says what differs, and what is missing."""
 
+import csv
+import gzip
+import json
 from pathlib import Path
 
 import msgspec
 import pytest
 
-from weld_force_ros.assessment.judge import assess
+from weld_force_ros.assessment.judge import assess, assess_vehicles, judge, simulate_vehicles
 from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.errors import BagError
 from weld_force_ros.measurement.profile_file import find, read_profile
-from weld_force_ros.messages import TOPICS, Message, encode
-from weld_force_ros.recording import STRING, Recorder, replay, string_cdr
+from weld_force_ros.messages import TOPICS, ForceMap, Message, encode
+from weld_force_ros.recording import STRING, Recorder, replay, string_cdr, what_if
 from weld_force_ros.recording.recording import Recording, open_recording
+from weld_force_ros.recording.table_export import export_tables
+from weld_force_ros.recording.weld_records import records_of_recording
+from weld_force_ros.report.weld_detail import detail
 from weld_force_ros.simulation.settings import simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
 
@@ -80,6 +86,58 @@ def test_a_weld_without_a_verdict_is_reported(tmp_path, messages):
 def test_a_verdict_without_a_map_is_reported(tmp_path, messages):
     without_map = [m for m in messages if type(m).__name__ != "ForceMap"]
     assert differences(recorded(tmp_path, without_map)) == ["verdict: no force map was recorded for this verdict"]
+
+
+@pytest.fixture(scope="module")
+def of_two_vehicles() -> list[Message]:
+    """Settings, limits, profile, a map of each vehicle, and the verdict of the one that decides."""
+    profile, limits = read_profile(find("weld-4-steep-ramp")), load_limits()
+    settings = [
+        simulation_settings(vehicle=name, speeds_kmh=[60, 120], positions=[0.1, 0.4])
+        for name in ("passenger", "freight-22.5t")
+    ]
+    simulators = [Simulator(one) for one in settings]
+    verdict = assess_vehicles(profile, simulators, limits).verdict
+    return [*settings, limits, profile, *simulate_vehicles(profile, simulators), verdict]
+
+
+def test_the_maps_of_several_vehicles_are_replayed_with_their_one_verdict(tmp_path, of_two_vehicles):
+    recording = recorded(tmp_path, of_two_vehicles)
+    results = list(replay.replay(recording))
+    assert [(r.kind, r.differences) for r in results] == [("force_map", ()), ("force_map", ()), ("verdict", ())]
+    assert results[2].computed.vehicle == of_two_vehicles[-1].vehicle
+    records = records_of_recording(recorded(tmp_path / "open", of_two_vehicles[:-1]), None, load_limits())
+    assert [record.verdict.vehicle for record in records] == [of_two_vehicles[-1].vehicle]
+    (changed,) = what_if.what_if(recording, what_if.read_change(speeds="60"))
+    assert changed.computed.worst_speed_kmh == 60.0
+
+
+def test_tables_and_report_name_the_vehicle_that_decides(tmp_path, of_two_vehicles):
+    recording, verdict = recorded(tmp_path, of_two_vehicles), of_two_vehicles[-1]
+    export_tables(tmp_path / "bag", tmp_path / "tables", ["csv"])
+    with (tmp_path / "tables" / "verdicts.csv").open(encoding="utf-8") as verdicts:
+        assert [row["vehicle"] for row in csv.DictReader(verdicts)] == [verdict.vehicle]
+    with (tmp_path / "tables" / "force_maps.csv").open(encoding="utf-8") as maps:
+        assert {row["vehicle"] for row in csv.DictReader(maps)} == {"passenger", "freight-22.5t"}
+    (record,) = records_of_recording(recording, None, load_limits())
+    provenance = dict(json.loads(gzip.decompress(detail(record)))["provenance"])
+    assert provenance["vehicle"] == f"{verdict.vehicle}, which decides of 2"
+
+
+def test_a_verdict_of_the_vehicle_that_does_not_decide_is_found(tmp_path, of_two_vehicles):
+    *rest, verdict = of_two_vehicles
+    other = next(m for m in rest[4:] if m.config_sha256 != verdict.config_sha256)
+    fields = {name: getattr(judge(other, load_limits()), name) for name in verdict.__struct_fields__}
+    found = differences(recorded(tmp_path, [*rest, msgspec.structs.replace(verdict, **fields)]))
+    assert f"verdict: vehicle that decides was {other.vehicle}, is {verdict.vehicle}" in found
+
+
+def test_a_verdict_without_the_map_of_a_vehicle_is_reported(tmp_path, of_two_vehicles):
+    verdict = of_two_vehicles[-1]
+    without = [m for m in of_two_vehicles if not isinstance(m, ForceMap) or m.config_sha256 == verdict.config_sha256]
+    recording = recorded(tmp_path, without)
+    assert differences(recording) == ["verdict: not every vehicle's force map was recorded for this verdict"]
+    assert records_of_recording(recording, load_limits(), load_limits()) == []
 
 
 def test_settings_missing_from_the_bag_are_named(tmp_path, messages):

@@ -98,6 +98,23 @@ def test_a_row_is_there_before_its_map(tmp_path):
     assert content(report, 1)["verdict"]["weld_id"] == "KM12"
 
 
+@pytest.mark.parametrize("verdict_at", range(6))
+def test_of_several_vehicles_the_one_that_decides_is_shown(tmp_path, verdict_at):
+    profile, force_map, history, verdict = parts("KM12")
+    heavier = [replace(one, config_sha256="0" * 64) for one in (force_map, history)]
+    heavier[0].peak_force_n = [2 * peak for peak in force_map.peak_force_n]
+    several = [profile, heavier[0], force_map, heavier[1], history]
+    several.insert(verdict_at, verdict)
+    shown = []
+    for number, messages in enumerate((several, parts("KM12"))):
+        (tmp_path / str(number)).mkdir()
+        report = LiveReport(tmp_path / str(number))
+        for message in [settings(), LIMITS, *messages]:
+            report.add(message)
+        shown.append(content(report, 1))
+    assert shown[0] == shown[1]
+
+
 def test_a_newer_version_of_a_file_names_the_row_that_it_supersedes(tmp_path):
     report = LiveReport(tmp_path)
     for weld, file in (("KM12", "a.csv"), ("KM13", "b.csv"), ("KM12", "a.csv")):

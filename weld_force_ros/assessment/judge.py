@@ -64,10 +64,7 @@ def assess(profile: WeldProfile, simulator: Simulates, limits: AssessmentSetting
         NumericalError: a passage did not stay finite.
         InputError: no limit holds for a line of that speed.
     """
-    force_map = simulator.force_map(profile)
-    relevant = relevant_range(force_map)
-    verdict = judge_relevant(relevant, limits)
-    return Assessment(force_map, _history(profile, simulator, relevant, verdict.criteria), verdict)
+    return assess_vehicles(profile, [simulator], limits)
 
 
 def assess_vehicles(profile: WeldProfile, simulators: Sequence[Simulates], limits: AssessmentSettings) -> Assessment:
@@ -77,8 +74,34 @@ def assess_vehicles(profile: WeldProfile, simulators: Sequence[Simulates], limit
         NumericalError: a passage did not stay finite.
         InputError: no limit holds for a line of that speed.
     """
-    assessments = (assess(profile, simulator, limits) for simulator in simulators)
-    return max(assessments, key=lambda assessment: gravity(assessment.verdict))
+    force_maps = simulate_vehicles(profile, simulators)
+    verdict = judge_vehicles(force_maps, limits)
+    deciding = [m.config_sha256 for m in force_maps].index(verdict.config_sha256)
+    relevant = relevant_range(force_maps[deciding])
+    history = _history(profile, simulators[deciding], relevant, verdict.criteria)
+    return Assessment(force_maps[deciding], history, verdict)
+
+
+def simulate_vehicles(profile: WeldProfile, simulators: Sequence[Simulates]) -> list[ForceMap]:
+    """Compute a weld's force map under each of several vehicles; the maps say that they are judged together.
+
+    Raises:
+        NumericalError: a passage did not stay finite.
+        InputError: the weld's position lies beyond the sleeper span.
+    """
+    force_maps = [simulator.force_map(profile) for simulator in simulators]
+    for force_map in force_maps if len(force_maps) > 1 else ():
+        force_map.judged_together = [one.config_sha256 for one in force_maps]
+    return force_maps
+
+
+def judge_vehicles(force_maps: Sequence[ForceMap], limits: AssessmentSettings) -> Verdict:
+    """Return the verdict on the force maps of several vehicles over a weld: that of the vehicle which decides.
+
+    Raises:
+        InputError: no limit holds for a line of that speed.
+    """
+    return max((judge(force_map, limits) for force_map in force_maps), key=gravity)
 
 
 _GRAVITY: tuple[Decision, ...] = ("accept", "undecided", "grind", "reject")

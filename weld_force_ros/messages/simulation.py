@@ -11,6 +11,7 @@ from weld_force_ros.messages.fields import (
     MAX_SAMPLED,
     MAX_SPEEDS,
     MAX_TEXT,
+    MAX_VEHICLES,
     Cells,
     Direction,
     Engine,
@@ -220,11 +221,26 @@ class ForceMap(Message, kw_only=True):
     rail: Name | UnsetType = UNSET
     running: Running | UnsetType = UNSET
     against: OppositeDirection | UnsetType = UNSET
+    judged_together: Annotated[
+        list[Sha256],
+        Meta(
+            max_length=MAX_VEHICLES,
+            description="config_sha256 of the maps of all vehicles over the weld, this one among them: they have one"
+            " verdict, by the vehicle that decides; empty: this map has its own",
+        ),
+    ] = []
+
+    @property
+    def configs_judged(self) -> list[str]:
+        """The `config_sha256` of every map that the verdict is on, in the order of the vehicles."""
+        return self.judged_together or [self.config_sha256]
 
     def problem(self) -> str | None:
         """Return which matrix does not fit its axes, or that axes are out of order; else None."""
         if not increasing(self.speeds_kmh) or not increasing(self.positions_m):
             return "speeds_kmh and positions_m must increase"
+        if self.config_sha256 not in self.configs_judged:
+            return "judged_together does not hold the map's own config_sha256"
         cells = len(self.speeds_kmh) * len(self.positions_m)
         names = OppositeDirection.__struct_fields__
         return (

@@ -1,10 +1,10 @@
 """Force maps and verdicts of a recording computed again, under the recorded settings or changed ones."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from msgspec.structs import replace
 
-from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.judge import judge_vehicles
 from weld_force_ros.errors import WeldForceError
 from weld_force_ros.messages import AssessmentSettings, ForceMap, SimulationSettings, Verdict
 from weld_force_ros.recording.recording import Recording
@@ -57,10 +57,11 @@ class Recomputation:
             weld_position_m=recorded.weld_position_m,
             chainage_m=recorded.chainage_m,
             rail=recorded.rail,
+            judged_together=recorded.judged_together,
         )
 
-    def verdict(self, recorded: Verdict, force_map: ForceMap) -> Verdict:
-        """Return the verdict on a map by the limits of a recorded verdict, or by those given for all.
+    def verdict(self, recorded: Verdict, force_maps: Sequence[ForceMap]) -> Verdict:
+        """Return the verdict on a weld's maps by the limits of a recorded verdict, or by those given for all.
 
         Raises:
             WeldForceError: the limits were not recorded, or cannot be applied.
@@ -68,7 +69,7 @@ class Recomputation:
         limits = self._limits or self._recording.limits.get(recorded.limits_sha256)
         if limits is None:
             raise missing("limits")
-        return judge(force_map, limits)
+        return judge_vehicles(force_maps, limits)
 
     def _simulator(self, settings: SimulationSettings) -> Simulator:
         if settings.config_sha256 not in self._simulators:

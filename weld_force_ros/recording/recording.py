@@ -1,6 +1,6 @@
 """A recording's profiles, settings, force maps and verdicts, sorted by kind."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -100,6 +100,23 @@ def _older_versions(
     versions[file, profile.weld_id] = now
     rejected = {str(r.profile_id) for r in recording.rejections if r.source == file and isinstance(r.profile_id, str)}
     return ({before} | rejected) - {now}
+
+
+def judged_together(force_maps: Iterable[ForceMap]) -> list[list[ForceMap]]:
+    """Return force maps in groups of one verdict: a weld's under each vehicle, in the order of the vehicles.
+
+    Of a map that was computed twice the last counts. A group is left out if one of its maps is missing, as that vehicle
+    might decide.
+    """
+    groups: dict[tuple[str, ...], dict[str, ForceMap]] = {}
+    for force_map in force_maps:
+        group = (force_map.weld_id, force_map.profile_sha256, *force_map.configs_judged)
+        groups.setdefault(group, {})[force_map.config_sha256] = force_map
+    return [
+        [by_config[config] for config in configs]
+        for (_, _, *configs), by_config in groups.items()
+        if by_config.keys() >= set(configs)
+    ]
 
 
 def simulation_key(message: ForceMap | ForceHistory | Verdict) -> SimulationKey:

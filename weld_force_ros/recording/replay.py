@@ -1,15 +1,15 @@
 """Compute a recording again, without ROS, and say what differs."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from msgspec import UNSET
 
 from weld_force_ros.errors import WeldForceError
-from weld_force_ros.messages import ForceMap, Message, SpeedCurve, UncertaintyResult, Verdict
+from weld_force_ros.messages import ForceMap, Message, SpeedCurve, UncertaintyResult, Verdict, known
 from weld_force_ros.recording.recomputation import Recomputation
-from weld_force_ros.recording.recording import Recording, simulation_key
+from weld_force_ros.recording.recording import Recording, SimulationKey, judged_together, simulation_key
 
 # Another processor may round differently, and the contact magnifies it; a real difference is far larger.
 FORCE_TOLERANCE = 1e-6
@@ -37,6 +37,11 @@ class Replayed:
 def replay(recording: Recording, *, on_result: Callable[[], None] | None = None) -> Iterator[Replayed]:
     """Yield every force map and verdict of a recording, computed again in log order, then what is missing."""
     again = Recomputation(recording)
+    groups = {simulation_key(one): group for group in judged_together(recording.force_maps) for one in group}
+    verdicts: dict[SimulationKey, list[Verdict]] = {}
+    for verdict in recording.verdicts:
+        verdicts.setdefault(simulation_key(verdict), []).append(verdict)
+    by_key: dict[SimulationKey, ForceMap] = {}
     for recorded in recording.force_maps:
         computed = None
         try:
@@ -45,18 +50,20 @@ def replay(recording: Recording, *, on_result: Callable[[], None] | None = None)
             yield Replayed(recorded.weld_id, "force_map", None, (str(error),))
         else:
             yield Replayed(recorded.weld_id, "force_map", computed, tuple(_map_differences(recorded, computed)))
-        for verdict in recording.verdicts:
-            if simulation_key(verdict) == simulation_key(recorded):
-                # Judged on what was computed now; a map that cannot be computed is reported above.
-                yield _replayed_verdict(verdict, computed or recorded, again)
+        # Judged on what was computed now; a map that cannot be computed is reported above.
+        by_key[simulation_key(recorded)] = computed or recorded
+        keys = [simulation_key(one) for one in groups.get(simulation_key(recorded), [])]
+        if all(key in by_key for key in keys):
+            for verdict in (verdict for key in keys for verdict in verdicts.get(key, [])):
+                yield _replayed_verdict(verdict, [by_key[key] for key in keys], again)
         if on_result:
             on_result()
     yield from _missing(recording)
 
 
-def _replayed_verdict(recorded: Verdict, force_map: ForceMap, again: Recomputation) -> Replayed:
+def _replayed_verdict(recorded: Verdict, force_maps: Sequence[ForceMap], again: Recomputation) -> Replayed:
     try:
-        computed = again.verdict(recorded, force_map)
+        computed = again.verdict(recorded, force_maps)
     except WeldForceError as error:
         return Replayed(recorded.weld_id, "verdict", None, (str(error),))
     return Replayed(recorded.weld_id, "verdict", computed, tuple(_verdict_differences(recorded, computed)))
@@ -112,6 +119,8 @@ def _columns_agree(
 def _verdict_differences(recorded: Verdict, computed: Verdict) -> Iterator[str]:
     if recorded.decision != computed.decision:
         yield f"decision was {recorded.decision}, is {computed.decision}"
+    if recorded.config_sha256 != computed.config_sha256:
+        yield f"vehicle that decides was {known(recorded.vehicle)}, is {known(computed.vehicle)}"
     ours = {c.name: c for c in computed.criteria}
     theirs = {c.name: c for c in recorded.criteria}
     if ours.keys() != theirs.keys():
@@ -129,9 +138,10 @@ def _verdict_differences(recorded: Verdict, computed: Verdict) -> Iterator[str]:
 def _missing(recording: Recording) -> Iterator[Replayed]:
     for weld_id in recording.welds_without_outcome():
         yield Replayed(weld_id, "verdict", None, ("no verdict was recorded for this profile",))
-    mapped = {(m.weld_id, m.profile_sha256) for m in recording.force_maps}
-    judged = {(v.weld_id, v.profile_sha256) for v in recording.verdicts}
-    for weld_id, _ in sorted(judged - mapped):
-        yield Replayed(weld_id, "verdict", None, ("no force map was recorded for this verdict",))
+    whole = {simulation_key(one) for group in judged_together(recording.force_maps) for one in group}
+    mapped = {simulation_key(force_map) for force_map in recording.force_maps}
+    for key in sorted({simulation_key(verdict) for verdict in recording.verdicts} - whole):
+        which = "not every vehicle's force map" if key in mapped else "no force map"
+        yield Replayed(key[0], "verdict", None, (f"{which} was recorded for this verdict",))
     for error in recording.unreadable:
         yield Replayed("?", "message", None, (str(error),))

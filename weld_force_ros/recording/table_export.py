@@ -10,7 +10,16 @@ from msgspec import UNSET, UnsetType
 
 from weld_force_ros._files import whole_folder
 from weld_force_ros.errors import BagError, InputError
-from weld_force_ros.messages import ForceMap, Message, OppositeDirection, Rejection, Verdict, WeldProfile, identity
+from weld_force_ros.messages import (
+    ForceMap,
+    Message,
+    OppositeDirection,
+    Rejection,
+    Verdict,
+    WeldProfile,
+    identity,
+    known,
+)
 from weld_force_ros.recording.bag_errors import as_bag_error, refuse_existing
 from weld_force_ros.recording.contract_messages import recorded_messages
 from weld_force_ros.recording.json_export import ExportReport, check_found
@@ -75,7 +84,7 @@ def _passages(found: ForceMap) -> Rows:
             continue
         cells = zip(of.peak_force_n, of.peak_x_m, of.min_force_n, of.contact_loss_s, strict=True)
         for place, cell in zip(places, cells, strict=True):
-            yield found.weld_id, found.config_sha256, *place, *cell, direction
+            yield found.weld_id, found.config_sha256, *place, *cell, direction, known(found.vehicle)
 
 
 def _profile(profile: WeldProfile) -> Rows:
@@ -131,6 +140,7 @@ TABLES = (
             limits_sha256=str,
             software=str,
             worst_running=str,
+            vehicle=str,
         ),
     ),
     Table(
@@ -150,7 +160,7 @@ TABLES = (
         ForceMap,
         {
             "weld_id": str, "config_sha256": str, "speed_kmh": float, "position_m": float, "peak_force_n": float,
-            "peak_x_m": float, "min_force_n": float, "contact_loss_s": float, "running": str,
+            "peak_x_m": float, "min_force_n": float, "contact_loss_s": float, "running": str, "vehicle": str,
         },
         _passages,
     ),

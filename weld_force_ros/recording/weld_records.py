@@ -6,7 +6,7 @@ from pathlib import Path
 
 from msgspec.structs import replace as changed
 
-from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.judge import judge_vehicles
 from weld_force_ros.errors import InputError, MessageError, WeldForceError
 from weld_force_ros.messages import (
     AssessmentSettings,
@@ -20,7 +20,7 @@ from weld_force_ros.messages import (
     decode,
     identity,
 )
-from weld_force_ros.recording.recording import Recording, simulation_key
+from weld_force_ros.recording.recording import Recording, judged_together, simulation_key
 
 Grind = Callable[[WeldProfile, SimulationSettings, AssessmentSettings], GrindingAdvice]
 
@@ -79,7 +79,9 @@ def records_of_recording(
         records += [weld(v, recording.limits.get(v.limits_sha256)) for v in verdicts]
     judged = {simulation_key(verdict) for verdict in recording.verdicts} if limits is None else set()
     by, old = limits or last_limits, recording.superseded
-    records += [weld(judge(m, by), by) for key, m in maps.items() if key not in judged and identity(m) not in old]
+    for group in judged_together(recording.force_maps):
+        if judged.isdisjoint(map(simulation_key, group)) and identity(group[0]) not in old:
+            records.append(weld(judge_vehicles(group, by), by))
     return records + [RejectedRecord(r) for r in recording.rejections if r.profile_id not in old]
 
 
@@ -111,8 +113,13 @@ def read_maps(path: Path) -> list[ForceMap]:
 
 
 def records_of_maps(maps: Sequence[ForceMap], limits: AssessmentSettings) -> list[Record]:
-    """Return welds of which only the force map is known, judged now."""
-    return [WeldRecord(verdict=judge(m, limits), force_map=m, limits=limits) for m in maps]
+    """Return welds of which only the force maps are known, judged now."""
+    records: list[Record] = []
+    for group in judged_together(maps):
+        verdict = judge_vehicles(group, limits)
+        deciding = next(one for one in group if one.config_sha256 == verdict.config_sha256)
+        records.append(WeldRecord(verdict, deciding, limits=limits))
+    return records
 
 
 def with_grinding(

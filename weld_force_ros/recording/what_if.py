@@ -17,7 +17,7 @@ from weld_force_ros.messages import (
     encode,
 )
 from weld_force_ros.recording.recomputation import Recomputation, missing
-from weld_force_ros.recording.recording import Recording, simulation_key
+from weld_force_ros.recording.recording import Recording, judged_together, simulation_key
 from weld_force_ros.simulation import track_file
 from weld_force_ros.simulation.settings import ENGINES, parse_speeds
 
@@ -138,7 +138,7 @@ def what_if(
     Raises:
         InputError: `change` cannot be simulated together with what stays as recorded.
     """
-    force_maps = {simulation_key(force_map): force_map for force_map in recording.force_maps}
+    groups = {simulation_key(one): group for group in judged_together(recording.force_maps) for one in group}
     settings = {sha256: change.apply_to(recorded) for sha256, recorded in recording.settings.items()}
     again = Recomputation(recording, settings=settings, limits=change.limits, on_fit=on_fit)
 
@@ -147,10 +147,12 @@ def what_if(
             raise WeldForceError("its recorded peak force is not positive")
         if not change.limits and recorded.limits_sha256 not in recording.limits:
             raise missing("limits")  # found before anything is simulated
-        force_map = force_maps.get(simulation_key(recorded))
-        if force_map is None:
+        force_maps = groups.get(simulation_key(recorded))
+        if force_maps is None:
             raise missing("force map")
-        return again.verdict(recorded, again.force_map(force_map) if change.changes_forces else force_map)
+        if change.changes_forces:
+            force_maps = [again.force_map(force_map) for force_map in force_maps]
+        return again.verdict(recorded, force_maps)
 
     for verdict in latest_verdicts(recording):
         try:

@@ -31,7 +31,6 @@ from weld_force_ros.report.weld_detail import detail
 NEWEST = 2_000
 """Number of welds that are kept."""
 
-_PARTS_BESIDE_VERDICT = 3  # profile, map, history
 _MOST_PARTIAL = 256  # a late subscriber gets more verdicts than maps, and in no order
 _MOST_SETTINGS = 20
 
@@ -46,18 +45,19 @@ class _PartialWeld:
     Attributes:
         number: of its row, which it gets with its verdict.
         verdict: None until it arrives.
-        packed: the other messages by type.
+        packed: the other messages by type and, of several vehicles' maps and histories, by their settings.
     """
 
     number: int = 0
     verdict: Verdict | None = None
-    packed: dict[type[Message], bytes] = field(default_factory=dict)
+    packed: dict[tuple[type[Message], str], bytes] = field(default_factory=dict)
 
-    def put(self, message: Message) -> None:
-        self.packed[type(message)] = zstandard.compress(msgspec.json.encode(message), 1)
+    def put(self, message: WeldProfile | ForceMap | ForceHistory) -> None:
+        config = "" if isinstance(message, WeldProfile) else message.config_sha256
+        self.packed[type(message), config] = zstandard.compress(msgspec.json.encode(message), 1)
 
-    def get(self, kind: type[M]) -> M | None:
-        packed = self.packed.get(kind)
+    def get(self, kind: type[M], config_sha256: str = "") -> M | None:
+        packed = self.packed.get((kind, config_sha256))
         return None if packed is None else msgspec.json.decode(zstandard.decompress(packed), type=kind)
 
 
@@ -159,15 +159,16 @@ class LiveReport:
             return False
         record = self._record(weld, verdict)
         self._write(weld.number, record)
-        return len(weld.packed) == _PARTS_BESIDE_VERDICT and record.settings is not None and record.limits is not None
+        parts = (record.profile, record.force_map, record.history, record.settings, record.limits)
+        return all(part is not None for part in parts)
 
     def _record(self, weld: _PartialWeld, verdict: Verdict) -> WeldRecord:
         """Return all that has arrived of a weld."""
         return WeldRecord(
             verdict=verdict,
-            force_map=weld.get(ForceMap),
+            force_map=weld.get(ForceMap, verdict.config_sha256),
             profile=weld.get(WeldProfile),
-            history=weld.get(ForceHistory),
+            history=weld.get(ForceHistory, verdict.config_sha256),
             settings=self._settings.get(verdict.config_sha256),
             limits=self._limits.get(verdict.limits_sha256),
         )

@@ -309,6 +309,7 @@ def _provenance(weld: WeldRecord) -> list[list[str]]:
         "model error": force_map
         and force_map.model_error is not UNSET
         and f"about {force_map.model_error:.1%} of the dynamic force",
+        "vehicle": _vehicle(verdict, force_map),
         "wheel": settings and _wheel(settings),
         "limits": weld.limits and _limits(weld.limits),
         "rules": weld.limits and _rules(weld.limits),
@@ -321,6 +322,12 @@ def _provenance(weld: WeldRecord) -> list[list[str]]:
         "limits, sha256": verdict.limits_sha256,
     }
     return _stated(rows)
+
+
+def _vehicle(verdict: Verdict, force_map: ForceMap | None) -> str | None:
+    count = len(force_map.judged_together) if force_map else 0
+    name = known(verdict.vehicle)
+    return f"{name}, which decides of {count}" if name and count > 1 else name
 
 
 def _grid(force_map: ForceMap) -> str:
