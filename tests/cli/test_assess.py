@@ -74,10 +74,18 @@ def test_of_several_vehicles_the_one_that_decides_is_named(capfd):
         name: assess(capfd, "weld-2-rise-between-shrinkages", *STATED, "--vehicle", name)[1][0]
         for name in ("passenger", "locomotive")
     }
-    (both,) = assess(capfd, "weld-2-rise-between-shrinkages", *STATED, "--vehicle", "passenger,locomotive")[1]
     gravest = max(alone.values(), key=lambda v: v["force"]["exceeding"])
-    assert both["vehicle"] == gravest["vehicle"]
-    assert both["force"] == gravest["force"]
+    for several in (["passenger,locomotive"], ["passenger", "--vehicle", "locomotive"]):
+        (both,) = assess(capfd, "weld-2-rise-between-shrinkages", *STATED, "--vehicle", *several)[1]
+        assert both["vehicle"] == gravest["vehicle"]
+        assert both["force"] == gravest["force"]
+
+
+def test_a_command_of_one_vehicle_refuses_several(capfd):
+    assert main(["simulate", "weld-1-dip", "--vehicle", "passenger", "--vehicle", "metro"]) == 2
+    assert capfd.readouterr().err == (
+        "weld-force: --vehicle: 2 vehicles; name one; `assess` judges a weld under several\n"
+    )
 
 
 def test_without_a_line_speed_the_first_thing_said_is_up_to_where_forces_hold(capfd):

@@ -89,6 +89,7 @@ class QuickSimulator:
             min_force_n=[40e3] * len(peaks),
             contact_loss_s=[0.0] * len(peaks),
             static_load_n=50e3,
+            vehicle=self.settings.vehicle,
             span_m=0.6,
             elapsed_s=0.0,
         )

@@ -16,7 +16,9 @@ from rosbags.typesys import Stores, get_typestore
 from std_msgs.msg import String
 
 from tests.harness.ros import Outcomes, Probe, QuickSimulator, profile_text, wait_until
+from weld_force_ros.assessment.judge import assess_vehicles
 from weld_force_ros.assessment.limits import worst
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.errors import InputError, TrackError
 from weld_force_ros.measurement.profile_file import parse_profile
 from weld_force_ros.messages import (
@@ -33,8 +35,13 @@ from weld_force_ros.messages import (
     decode,
     encode,
 )
+from weld_force_ros.recording import STRING, Recorder, string_cdr
+from weld_force_ros.recording.recording import open_recording
+from weld_force_ros.recording.replay import replay
+from weld_force_ros.recording.weld_records import records_of_recording
 from weld_force_ros.ros import qos
 from weld_force_ros.ros.node_suite import KINDS, Kind, NodeSuite
+from weld_force_ros.simulation.simulator import Simulator
 
 SPEEDS = "40,80,120"
 POSITIONS = "0.15,0.30"
@@ -144,6 +151,112 @@ def test_real_simulation_from_file_to_recorded_verdict(domain_id: int, folder: P
     assert verdict.weld_id == "dip"
     peaks_n = [*force_map.peak_force_n, *force_map.against.peak_force_n]
     assert verdict.peak_force_n == max(peaks_n) > 1.1 * force_map.static_load_n
+
+
+class VehicleSimulator(QuickSimulator):
+    """Forces rise with the unsprung mass; a weld named `derails` cannot be computed under the locomotive."""
+
+    def force_map(self, profile: WeldProfile) -> ForceMap:
+        force_map = super().force_map(profile)
+        if profile.weld_id == "derails" and self.settings.vehicle == "locomotive":
+            raise ArithmeticError("no such passage")
+        force_map.peak_force_n = [peak + self.settings.wheel_mass_kg for peak in force_map.peak_force_n]
+        return force_map
+
+
+SEVERAL = {"load": VehicleSimulator, "vehicle": "passenger,locomotive,metro"}
+
+
+def test_a_weld_under_several_vehicles_has_one_verdict(domain_id: int, folder: Path, tmp_path: Path) -> None:
+    names = [f"weld-{i:02}" for i in range(10)]
+    for number, name in enumerate(names):
+        (folder / f"{name}.csv").write_text(profile_text(100 + number))
+    (folder / "derails.csv").write_text(profile_text(500))
+    outcomes, bag = Outcomes(), tmp_path / "bag"
+    with running(outcomes, folder=folder, bag=bag, **SEVERAL) as suite:
+        outcomes.wait(11)
+        assert suite.drain(10.0) == 0
+    messages = read_bag(bag)
+    heaviest = max(contract_messages(messages, SimulationSettings), key=lambda s: s.wheel_mass_kg)
+    assert heaviest.vehicle == "locomotive"
+    verdicts = {verdict.weld_id: verdict for verdict in contract_messages(messages, Verdict)}
+    assert sorted(v.weld_id for v in outcomes.of(Verdict)) == sorted(verdicts) == names
+    for number, name in enumerate(names):
+        assert (verdicts[name].vehicle, verdicts[name].config_sha256) == ("locomotive", heaviest.config_sha256)
+        expected = QuickSimulator.peak_n((100 + number) * 1e-6, 120.0, 0.30) + heaviest.wheel_mass_kg
+        assert verdicts[name].peak_force_n == pytest.approx(expected)
+    (rejection,) = contract_messages(messages, Rejection)
+    assert (rejection.source, rejection.reason) == ("derails.csv", "no such passage")
+    of_each = ["passenger", "locomotive", "metro"]
+    maps = contract_messages(messages, ForceMap)
+    assert [(m.weld_id, m.vehicle) for m in maps] == [(m.weld_id, v) for m in maps[::3] for v in of_each]
+    assert len(maps) == len(contract_messages(messages, ForceHistory)) == 30
+    settled = [i for m in contract_messages(messages, Settled) if not m.asked_by for i in m.profile_ids]
+    assert len(settled) == len(set(settled)) == 11
+
+
+def test_vehicles_may_be_named_anew_while_welds_come(domain_id: int, folder: Path) -> None:
+    outcomes = Outcomes()
+    with running(outcomes, folder=folder, **SEVERAL) as suite:
+        (folder / "a.csv").write_text(profile_text(100))
+        outcomes.wait(1)
+        suite.nodes["simulator"].set_parameters([Parameter("speeds", value="40,80")])
+        (folder / "b.csv").write_text(profile_text(100))
+        outcomes.wait(2)
+        assert suite.drain(10.0) == 0
+    assert [(v.weld_id, v.vehicle) for v in outcomes.messages] == [("a", "locomotive"), ("b", "locomotive")]
+
+
+@pytest.mark.parametrize("recorded", [1, 2, 3])
+def test_a_bag_cut_between_the_maps_of_a_weld_is_continued_to_one_verdict(
+    domain_id: int, folder: Path, tmp_path: Path, recorded: int
+) -> None:
+    (folder / "w.csv").write_text(profile_text(300))
+    with running(Outcomes(), folder=folder, bag=tmp_path / "whole", **SEVERAL) as suite:
+        wait_until(lambda: suite.nodes["assessment"].topics.sent(Verdict))
+        assert suite.drain(10.0) == 0
+    whole = read_bag(tmp_path / "whole")
+    with Recorder(tmp_path / "cut") as recorder:
+        kept = [*whole["/simulation_settings"], *whole["/weld_profile"], *whole["/force_map"][:recorded]]
+        topics = ["simulation_settings"] * 3 + ["weld_profile"] + ["force_map"] * recorded
+        for at, (topic, message) in enumerate(zip(topics, kept, strict=True)):
+            recorder.write(f"/{topic}", STRING, string_cdr(message.data), log_time_ns=at, publish_time_ns=at)
+    outcomes = Outcomes()
+    kinds: tuple[Kind, ...] = ("assessment",) if recorded == 3 else KINDS
+    with running(outcomes, kinds, folder=folder, bag=tmp_path / "cut", **SEVERAL) as suite:
+        outcomes.wait(1)
+        assert suite.drain(10.0) == 0
+    (verdict,) = contract_messages(read_bag(tmp_path / "cut"), Verdict)
+    assert (verdict.weld_id, verdict.vehicle) == ("w", "locomotive")
+    assert [v.weld_id for v in outcomes.messages] == ["w"]
+
+
+def test_a_recording_of_several_vehicles_is_replayed(domain_id: int, folder: Path, tmp_path: Path) -> None:
+    named = {"speeds": "60,120", "positions": "0.15,0.30", "vehicle": "passenger,freight-22.5t"}
+    parameters: dict[Kind, dict[str, Any]] = {
+        "profile": {"folder": str(folder), "settle_s": 0.05, "unfinished_s": 0.3},
+        "simulator": {"uncertainty_samples": 0, **named},
+        "assessment": {"bag": str(tmp_path / "bag")},
+    }
+    outcomes = Outcomes()
+    with NodeSuite(parameters=parameters, on_verdict=outcomes, on_rejection=outcomes) as suite:
+        for height_um in (100, 300):
+            (folder / f"dip-{height_um}.csv").write_text(profile_text(height_um))
+        outcomes.wait(2)
+        assert suite.drain(10.0) == 0
+    recording = open_recording(tmp_path / "bag")
+    replayed = list(replay(recording))
+    assert [(r.kind, r.differences) for r in replayed] == [
+        (kind, ()) for _ in range(2) for kind in ("force_map", "force_map", "verdict")
+    ]
+    by_config = {one.config_sha256: Simulator(one) for one in recording.settings.values()}
+    for verdict in recording.verdicts:
+        profile = recording.profiles[verdict.weld_id, verdict.profile_sha256]
+        alone = assess_vehicles(profile, list(by_config.values()), load_limits()).verdict
+        assert (verdict.vehicle, verdict.peak_force_n) == (alone.vehicle, alone.peak_force_n)
+    records = records_of_recording(recording, load_limits("force"), load_limits())
+    assert [record.verdict.weld_id for record in records] == ["dip-100", "dip-300"]
+    assert all(r.force_map.config_sha256 == r.history.config_sha256 == r.verdict.config_sha256 for r in records)
 
 
 def test_verdict_names_the_worst_passage_and_has_typed_twins(domain_id: int, probe: Probe) -> None:

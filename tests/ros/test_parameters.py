@@ -7,6 +7,7 @@ from typing import Any
 import jsonschema
 import pytest
 import yaml
+from msgspec import UNSET
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.ros.parameters import (
@@ -122,7 +123,22 @@ def test_later_lines_go_before_earlier_ones() -> None:
 )
 def test_lists_may_have_any_form_that_yaml_makes_of_them(value: Any, speeds: list[float]) -> None:
     check_values("simulator_node", {"speeds": value})
-    assert settings_from_parameters({"speeds": value}).speeds_kmh == speeds
+    (settings,) = settings_from_parameters({"speeds": value})
+    assert settings.speeds_kmh == speeds
+
+
+def test_vehicles_stand_in_one_text_with_commas_between_them() -> None:
+    names = {"": [UNSET], "metro": ["metro"], "passenger, freight-22.5t": ["passenger", "freight-22.5t"]}
+    for text, vehicles in names.items():
+        settings = settings_from_parameters({"vehicle": text})
+        assert [one.vehicle for one in settings] == vehicles
+        assert len({one.config_sha256 for one in settings}) == len(vehicles)
+
+
+@pytest.mark.parametrize("text", ["metro,metro", "metro,wheelbarrow", ",".join(map(str, range(21)))])
+def test_vehicles_that_cannot_be_simulated_together_are_refused(text: str) -> None:
+    with pytest.raises(InputError):
+        check_values("simulator_node", {"vehicle": text})
 
 
 def test_settings_that_cannot_be_simulated_are_refused_before_a_node_starts() -> None:

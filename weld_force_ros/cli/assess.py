@@ -43,7 +43,7 @@ def assess(
 ) -> None:
     """Judge measured welds: what to do with each, and why; exit code 1 if a weld is not accepted.
 
-    Of several vehicles, --vehicle passenger,freight-22.5t, the one that decides is named.
+    Of several vehicles, --vehicle passenger --vehicle freight-22.5t, the one that decides is named.
     """
     from weld_force_ros.cli import terminal
     from weld_force_ros.messages import Rejection
@@ -86,8 +86,7 @@ def _judge(
 
     chosen = dataclasses.replace(uncertainty, uncertainty_samples=uncertainty.samples_or_default)
     unknown, applied, form = chosen.uncertainty_of_settings(), load_limits(limits), measurement.form()
-    vehicles = [None] if simulation.vehicle is None else simulation.vehicle.split(",")
-    settings = [dataclasses.replace(simulation, vehicle=vehicle).settings(unknown) for vehicle in vehicles]
+    settings = simulation.settings_of_vehicles(unknown)
     simulators = [Simulator(one, on_fit=terminal.say) for one in settings]
     by_sha256 = {one.config_sha256: one for one in settings}
 

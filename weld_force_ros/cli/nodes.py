@@ -60,6 +60,7 @@ def up(
         "profile": {"folder": suite.folder, "detect_welds": suite.detect_welds, **vars(measurement)},
         "simulator": {
             **vars(simulation),
+            "vehicle": simulation.vehicle_text,
             "uncertainty_samples": uncertainty.samples,
             "uncertainty": uncertainty.file,
         },

@@ -41,8 +41,11 @@ class SimulationOptions:
         str | None, typer.Option(help="A bundled track or the path of a track file (YAML); default: bilbao.")
     ] = None
     vehicle: Annotated[
-        str | None,
-        typer.Option(metavar="NAME|FILE", help="A bundled vehicle or a vehicle file; default: the track's wheel."),
+        list[str] | None,
+        typer.Option(
+            metavar="NAME|FILE",
+            help="Bundled vehicle or vehicle file; several: the worst decides; default: track's wheel.",
+        ),
     ] = None
     engine: Annotated[str | None, typer.Option(help="How the track is represented in time; default: common-poles.")] = (
         None
@@ -73,20 +76,43 @@ class SimulationOptions:
         ),
     ] = None
 
+    @property
+    def vehicle_text(self) -> str | None:
+        """Return the vehicles with commas between them, as the nodes' parameter has them; None if none is given."""
+        return ",".join(self.vehicle) if self.vehicle else None
+
     def settings(self, uncertainty: "Uncertainty | None" = None) -> "SimulationSettings":
-        """Return complete settings, with the defaults of `weld_force_ros.simulation.settings`.
+        """Return complete settings of a command that simulates one vehicle.
+
+        Raises:
+            InputError: anything that cannot be simulated, or several vehicles.
+        """
+        settings = self.settings_of_vehicles(uncertainty)
+        if len(settings) > 1:
+            raise InputError(f"--vehicle: {len(settings)} vehicles", "name one; `assess` judges a weld under several")
+        return settings[0]
+
+    def settings_of_vehicles(self, uncertainty: "Uncertainty | None" = None) -> "list[SimulationSettings]":
+        """Return complete settings of each vehicle, with the defaults of `weld_force_ros.simulation.settings`.
 
         Raises:
             InputError: anything that cannot be simulated.
         """
-        from weld_force_ros.simulation.settings import parse_positions, parse_speeds, simulation_settings
+        from weld_force_ros.simulation.settings import (
+            parse_positions,
+            parse_speeds,
+            parse_vehicles,
+            simulation_settings,
+        )
 
         given: dict[str, Any] = {name: value for name, value in vars(self).items() if value is not None}
+        given.pop("vehicle", None)
         if self.speeds is not None:
             given["speeds_kmh"] = parse_speeds(given.pop("speeds"))
         if self.positions is not None:
             given["positions"] = parse_positions(self.positions)
-        return simulation_settings(**given, uncertainty=uncertainty)
+        vehicles = parse_vehicles(self.vehicle_text or "")
+        return [simulation_settings(**given, vehicle=vehicle, uncertainty=uncertainty) for vehicle in vehicles]
 
 
 @dataclass(frozen=True)

@@ -80,7 +80,8 @@ def print_outcome(outcome: Verdict | Rejection) -> None:
     """Print an outcome in one line."""
     if isinstance(outcome, Verdict):
         speed = f"; {outcome.advice[0]}" if outcome.advice and outcome.decision != "accept" else ""
-        print_line(f"{outcome.decision.upper():10} {outcome.weld_id}: {outcome.reason}{speed}")
+        under = f" under {outcome.vehicle}" if isinstance(outcome.vehicle, str) else ""
+        print_line(f"{outcome.decision.upper():10} {outcome.weld_id}{under}: {outcome.reason}{speed}")
     else:
         print_line(f"UNREADABLE {outcome.source}: {outcome.reason}; {outcome.remedy}")
 

@@ -17,6 +17,7 @@ from weld_force_ros.simulation.settings import (
     load_uncertainty,
     parse_positions,
     parse_speeds,
+    parse_vehicles,
     simulation_settings,
 )
 
@@ -78,7 +79,11 @@ PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
     "simulator_node": (
         _AUTOSTART,
         NodeParameter("track", "bilbao", "a bundled track, or the path of a track file (YAML)"),
-        NodeParameter("vehicle", "", "a bundled vehicle, or the path of a vehicle file; empty: the track's wheel"),
+        NodeParameter(
+            "vehicle",
+            "",
+            "bundled vehicles or vehicle files (YAML), with commas between them; empty: the track's wheel",
+        ),
         NodeParameter("engine", "common-poles", "common-poles, rfp or reference"),
         NodeParameter("speeds", "20:300:5", "speeds in km/h: first:last:step, or a list", live=True, is_list=True),
         NodeParameter(
@@ -187,27 +192,27 @@ def check_values(node: str, values: Mapping[str, Any]) -> None:
         settings_from_parameters(values)
 
 
-def settings_from_parameters(values: Mapping[str, Any]) -> SimulationSettings:
-    """Return simulation settings from parameters of the simulator node; what is not given is at its default.
+def settings_from_parameters(values: Mapping[str, Any]) -> list[SimulationSettings]:
+    """Return simulation settings, of each vehicle, from the simulator node's parameters, or else their defaults.
 
     Raises:
         InputError: values that cannot be simulated.
     """
     given = {parameter.name: parameter.default for parameter in PARAMETERS["simulator_node"]} | dict(values)
     wheel = ("wheel_mass_kg", "static_load_n", "wheel_radius_m", "hertz_n_per_m15")
-    return simulation_settings(
-        track=given["track"],
-        vehicle=given["vehicle"] or None,
-        engine=given["engine"],
-        speeds_kmh=parse_speeds(_list_text(given["speeds"])),
-        positions=parse_positions(_list_text(given["positions"])),
-        uncertainty=load_uncertainty(
+    of_any_vehicle: dict[str, Any] = {
+        "track": given["track"],
+        "engine": given["engine"],
+        "speeds_kmh": parse_speeds(_list_text(given["speeds"])),
+        "positions": parse_positions(_list_text(given["positions"])),
+        "uncertainty": load_uncertainty(
             given["uncertainty_samples"], Path(given["uncertainty"]).expanduser() if given["uncertainty"] else None
         ),
-        contact_patch=given["contact_patch"],
-        running=given["running"],
+        "contact_patch": given["contact_patch"],
+        "running": given["running"],
         **{name: given[name] or None for name in wheel},
-    )
+    }
+    return [simulation_settings(vehicle=vehicle, **of_any_vehicle) for vehicle in parse_vehicles(given["vehicle"])]
 
 
 def _list_text(value: Any) -> str:

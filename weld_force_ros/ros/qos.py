@@ -8,6 +8,7 @@ is pushed out of that depth, every live subscriber must have it (`serialized_mes
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from weld_force_ros.messages import (
+    MAX_VEHICLES,
     AssessmentSettings,
     ForceHistory,
     ForceMap,
@@ -30,7 +31,7 @@ KEPT_DEPTH: dict[type[Message], int] = {
     Verdict: 200,
     Rejection: 2 * MAX_OUTSTANDING,
     Settled: 3 * MAX_OUTSTANDING,
-    SimulationSettings: 10,
+    SimulationSettings: 2 * MAX_VEHICLES,
     AssessmentSettings: 10,
 }
 """How many messages of a latched topic a publisher keeps for those who join later."""

@@ -13,6 +13,7 @@ from msgspec import UNSET
 from weld_force_ros import _yaml
 from weld_force_ros.errors import InputError, MessageError
 from weld_force_ros.messages import (
+    MAX_VEHICLES,
     Engine,
     Running,
     SimulationSettings,
@@ -73,6 +74,20 @@ def parse_positions(text: str) -> int | list[float]:
     if not all(np.isfinite(positions)) or np.any(np.diff(positions) <= 0):
         raise InputError(f"positions {text!r} are not finite and increasing", remedy)
     return positions
+
+
+def parse_vehicles(text: str) -> list[str | None]:
+    """Return the vehicles of a text with commas between them; the track's own wheel, None, of an empty one.
+
+    Raises:
+        InputError: a vehicle is named twice, or there are too many.
+    """
+    vehicles = [name for part in text.split(",") if (name := part.strip())]
+    if len(set(vehicles)) < len(vehicles):
+        raise InputError(f"vehicles {text!r}: one is named twice", "name each vehicle once")
+    if len(vehicles) > MAX_VEHICLES:
+        raise InputError(f"{len(vehicles)} vehicles", f"name at most {MAX_VEHICLES}")
+    return [*vehicles] or [None]
 
 
 def simulation_settings(

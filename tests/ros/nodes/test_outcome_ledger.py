@@ -65,6 +65,7 @@ def test_recording_tells_what_is_open_settled_and_unfinished(tmp_path: Path) -> 
         (ForceMap, about(killed_before_confirming)),
         (Verdict, about(killed_before_confirming)),
         (ForceMap, about(mapped)),
+        (ForceMap, about(mapped, vehicle="another")),
         (
             Settled,
             '{"profile_ids": ["' + only_taken + '"], "asked_by": "/profile_node#1"}',
@@ -76,8 +77,30 @@ def test_recording_tells_what_is_open_settled_and_unfinished(tmp_path: Path) -> 
     assert ledger.settled_of(IDS) == [done, refused, killed_before_confirming]
     assert ledger.open_count == 2
     assert list(ledger.waiting_maps) == [mapped]
+    assert len(ledger.waiting_maps[mapped]) == 2
     assert [(i, kept.kind) for i, kept in ledger.unfinished.items()] == [(killed_before_confirming, Verdict)]
     assert noted.count(WeldProfile) == 4
+
+
+def a_map(config: str, *judged_together: str, profile_id: str = IDS[0]) -> ForceMap:
+    return ForceMap(
+        weld_id="w", profile_sha256="0" * 64, profile_id=profile_id, config_sha256=config, track="t",
+        engine="common-poles", speeds_kmh=[40.0], positions_m=[0.0], peak_force_n=[1.0], peak_x_m=[0.0],
+        min_force_n=[1.0], contact_loss_s=[0.0], static_load_n=1.0, span_m=0.6, elapsed_s=0.0,
+        judged_together=list(judged_together),
+    )  # fmt: skip
+
+
+def test_maps_are_gathered_until_every_vehicle_s_is_there() -> None:
+    ledger, (a, b, c) = Ledger(), IDS[:3]
+    both = [a_map(a, a, b), a_map(b, a, b)]
+    assert ledger.gather(both[1]) == []
+    assert ledger.gather(both[1]) == [], "the same again is no other vehicle's"
+    assert ledger.gather(a_map(a, a, b, profile_id=IDS[9])) == [], "nor is another measurement's"
+    assert ledger.gather(both[0]) == both, "in the order of the vehicles"
+    ledger.settle(IDS[0])
+    assert ledger.gather(both[0]) == [], "a settled measurement's maps are let go"
+    assert ledger.gather(a_map(c)) == [a_map(c)], "of a simulator that was set anew in between"
 
 
 def test_old_recording_without_identities_settles_by_weld_and_geometry(tmp_path: Path) -> None:

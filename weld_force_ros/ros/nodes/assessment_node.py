@@ -233,13 +233,14 @@ class AssessmentNode(LifecycleNodeBase):
         if self._ledger.is_settled(identity(force_map)):
             return
         self._notify(force_map)
-        self._notify(self._verdicts.publish_outcome(force_map, text))
-        self._outcomes.settle(identity(force_map))
+        if force_maps := self._ledger.gather(force_map):
+            self._notify(self._verdicts.publish_outcome(force_maps, text))
+            self._outcomes.settle(identity(force_map))
 
     def _resume(self) -> None:
         """Finish what an earlier process had begun, as far as the bag holds it."""
         self._outcomes.confirm_unfinished()
-        for cdr in list(self._ledger.waiting_maps.values()):
+        for cdr in [cdr for maps in self._ledger.waiting_maps.values() for cdr in maps]:
             force_map = self.topics.decode_recorded(ForceMap, cdr)
             if force_map is not None:
                 self._assess(force_map, "")

@@ -38,16 +38,19 @@ class RecordedOutcome(NamedTuple):
 class Ledger:
     """Measurements by their identity: accepted and open, or settled by a verdict or a rejection.
 
+    Of an open one it keeps the force maps, until those of all vehicles are there.
+
     Attributes:
         unfinished: outcomes that a killed process recorded, but perhaps did not publish.
-        waiting_maps: force maps that it recorded without their verdict, serialised.
+        waiting_maps: force maps that it recorded without their verdict, serialised, in the order recorded.
     """
 
     def __init__(self) -> None:
         self.unfinished: dict[str, RecordedOutcome] = {}
-        self.waiting_maps: dict[str, bytes] = {}
+        self.waiting_maps: dict[str, list[bytes]] = {}
         self._settled: set[bytes] = set()
         self._open: dict[str, bytes] = {}
+        self._gathered: dict[str, dict[str, ForceMap]] = {}
 
     @property
     def open_count(self) -> int:
@@ -73,6 +76,14 @@ class Ledger:
         self._settled.add(bytes.fromhex(profile_id))
         self._open.pop(profile_id, None)
         self.waiting_maps.pop(profile_id, None)
+        self._gathered.pop(profile_id, None)
+
+    def gather(self, force_map: ForceMap) -> list[ForceMap]:
+        """Keep a force map until those of all vehicles over the weld are there; then return all, before that none."""
+        maps = self._gathered.setdefault(identity(force_map), {})
+        maps[force_map.config_sha256] = force_map
+        configs = force_map.configs_judged
+        return [maps[config] for config in configs] if maps.keys() >= set(configs) else []
 
     def settled_of(self, profile_ids: Iterable[str]) -> list[str]:
         """Return those of the measurements that have their outcome."""
@@ -128,7 +139,7 @@ def _enter(ledger: Ledger, kind: type[Message], recorded: Recorded, entry: _Entr
     elif kind is WeldProfile:
         ledger.accept(identity(entry), recorded.data)
     elif kind is ForceMap and not ledger.is_settled(identity(entry)):
-        ledger.waiting_maps[identity(entry)] = recorded.data
+        ledger.waiting_maps.setdefault(identity(entry), []).append(recorded.data)
     elif kind is Verdict or (kind is Rejection and isinstance(entry.profile_id, str)):
         ledger.settle(identity(entry))
         ledger.unfinished[identity(entry)] = RecordedOutcome(kind, recorded.data)

@@ -1,11 +1,11 @@
-"""Node simulator_node: weld_profile -> force_map, and the force_history of the passage that decides the verdict."""
+"""Node simulator_node: weld_profile -> force_map and, of the passage that decides a verdict on it, force_history."""
 
 import time
 from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any
 
-from weld_force_ros.assessment.judge import Simulates, deciding_history
+from weld_force_ros.assessment.judge import Simulates, deciding_history, simulate_vehicles
 from weld_force_ros.messages import (
     TOPICS,
     AssessmentSettings,
@@ -32,9 +32,10 @@ _OUTCOME_FOLLOWS_S = 4.0
 class SimulatorNode(LifecycleNodeBase):
     """Computes in one worker thread, which also loads track and fit; callbacks only queue, up to a limit.
 
-    A measurement that has its outcome is not computed again; one that is sent again for want of an outcome is. The
-    force history is that of the passage that decides the verdict by the limits that the assessment node published last;
-    as long as none are known, that of the highest peak.
+    A measurement that has its outcome is not computed again; one that is sent again for want of an outcome is. Of
+    several vehicles each has a force map and a history; if one cannot be computed, none is published but a Rejection. A
+    history is that of the passage that decides the verdict on its map by the limits that the assessment node published
+    last; as long as none are known, that of the highest peak.
 
     Args:
         load: returns the simulator for given settings; called in the worker thread.
@@ -53,13 +54,13 @@ class SimulatorNode(LifecycleNodeBase):
         self._settings = settings_from_parameters(values)
         self._settled: OrderedDict[str, None] = OrderedDict()
         self._computed_s: OrderedDict[str, float] = OrderedDict()
-        self._simulator: Simulates
+        self._simulators: list[Simulates]
         self._limits: AssessmentSettings | None = None
         self.topics = self._resources.enter_context(
             ContractTopics(self, [SimulationSettings, ForceMap, ForceHistory, Rejection], group=self.intake_group)
         )
-        self.topics.publish(self._settings)
-        self._worker: Worker[SerializedMessage | SimulationSettings] = Worker(
+        self._publish_settings()
+        self._worker: Worker[SerializedMessage | list[SimulationSettings]] = Worker(
             "simulator", self._handle, self.topics.report_problem, self._prepare, on_room=self.wake
         )
         self._resources.callback(self._worker.close, CLOSE_S)
@@ -92,11 +93,14 @@ class SimulatorNode(LifecycleNodeBase):
 
     def _prepare(self) -> bool:
         try:
-            self._simulator = self._load(self._settings)
+            self._simulators = [self._load(one) for one in self._settings]
         except Exception as error:  # reported by whoever runs the node, and in /diagnostics
             self.topics.diagnostics.fail(error)
             return False
-        self.get_logger().info(f"track {self._settings.track} ready")
+        vehicles = [one.vehicle for one in self._settings if isinstance(one.vehicle, str)]
+        self.get_logger().info(
+            f"track {self._settings[0].track} ready{' for ' if vehicles else ''}{', '.join(vehicles)}"
+        )
         return True
 
     def _note_settled(self, serialized: SerializedMessage) -> None:
@@ -111,10 +115,14 @@ class SimulatorNode(LifecycleNodeBase):
         if not incoming.repeated:
             self._limits = self.topics.decode_or_report(AssessmentSettings, incoming) or self._limits
 
-    def _handle(self, item: SerializedMessage | SimulationSettings) -> None:
-        if isinstance(item, SimulationSettings):
-            self._simulator, self._settings = self._load(item), item
-            self.topics.publish(item)
+    def _publish_settings(self) -> None:
+        for settings in self._settings:
+            self.topics.publish(settings)
+
+    def _handle(self, item: SerializedMessage | list[SimulationSettings]) -> None:
+        if isinstance(item, list):
+            self._simulators, self._settings = [self._load(one) for one in item], item
+            self._publish_settings()
             return
         incoming = self.topics.receive(WeldProfile, item)
         profile = self.topics.decode_or_reject(WeldProfile, incoming)
@@ -127,22 +135,24 @@ class SimulatorNode(LifecycleNodeBase):
     def _simulate(self, profile: WeldProfile, text: str) -> None:
         profile_id = identity(profile)
         try:
-            force_map = self._simulator.force_map(profile)
-            force_map.profile_id = profile_id
-            self.topics.publish(force_map)
+            force_maps = simulate_vehicles(profile, self._simulators)
+            for force_map in force_maps:
+                force_map.profile_id = profile_id
+                self.topics.publish(force_map)
         except Exception as error:  # every profile has an outcome, whatever went wrong with it
             self.topics.reject(
                 profile.source, error, text, profile_sha256=profile.profile_sha256, profile_id=profile_id
             )
         else:
-            self._publish_history(profile, force_map)
+            for its_simulator, force_map in zip(self._simulators, force_maps, strict=True):
+                self._publish_history(profile, its_simulator, force_map)
         self._computed_s[profile_id] = time.monotonic()
         while len(self._computed_s) > KEPT_DEPTH[ForceMap]:
             self._computed_s.popitem(last=False)
 
-    def _publish_history(self, profile: WeldProfile, force_map: ForceMap) -> None:
+    def _publish_history(self, profile: WeldProfile, its_simulator: Simulates, force_map: ForceMap) -> None:
         try:
-            history = deciding_history(profile, self._simulator, force_map, self._limits)
+            history = deciding_history(profile, its_simulator, force_map, self._limits)
             history.profile_id = force_map.profile_id
             self.topics.publish(history)
         except Exception as error:  # the map is the outcome; a Rejection would be a second one

@@ -1,11 +1,12 @@
-"""Judge force maps and publish what came of each: a verdict with its typed copies, or a rejection."""
+"""Judge force maps and publish what came of each measurement: a verdict with its typed copies, or a rejection."""
 
 import time
+from collections.abc import Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 
-from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.judge import judge_vehicles
 from weld_force_ros.errors import DiskFullError
 from weld_force_ros.messages import AssessmentSettings, ForceMap, Rejection, Verdict, identity
 from weld_force_ros.ros import qos, typed_messages
@@ -13,7 +14,7 @@ from weld_force_ros.ros.contract_topics import ContractTopics
 
 
 class VerdictPublisher:
-    """Publishes one outcome for each force map, on the topics of a node that may publish verdicts.
+    """Publishes one outcome for each measurement, on the topics of a node that may publish verdicts.
 
     Args:
         topics: the node's.
@@ -37,29 +38,30 @@ class VerdictPublisher:
         self._limits = limits
         self._topics.publish(limits)
 
-    def publish_outcome(self, force_map: ForceMap, text: str) -> Verdict | Rejection:
-        """Judge a force map, publish the outcome and return it.
+    def publish_outcome(self, force_maps: Sequence[ForceMap], text: str) -> Verdict | Rejection:
+        """Judge a measurement's force maps, publish the outcome and return it.
 
         Args:
-            force_map: the force map.
-            text: its JSON, for a Rejection.
+            force_maps: of each vehicle.
+            text: JSON of one of them, for a Rejection.
 
         Raises:
             DiskFullError: the node is closing; nothing was published, and the measurement stays open.
         """
-        profile_id = identity(force_map)
+        weld = force_maps[0]
+        profile_id = identity(weld)
         try:
-            verdict = judge(force_map, self._limits)
+            verdict = judge_vehicles(force_maps, self._limits)
             verdict.profile_id = profile_id
             self._topics.publish(verdict)
         except DiskFullError:
             raise
         except Exception as error:  # every map has an outcome, whatever went wrong with it
             return self._topics.reject(
-                f"force map of {force_map.weld_id}",
+                f"force map of {weld.weld_id}",
                 error,
                 text,
-                profile_sha256=force_map.profile_sha256,
+                profile_sha256=weld.profile_sha256,
                 profile_id=profile_id,
             )
         self._last_verdict_s = time.monotonic()
