@@ -154,6 +154,7 @@ def test_a_verdict_whose_line_speed_is_not_stated_says_up_to_where_forces_hold()
     verdict = judge(a_map(rising, line_speed_kmh=UNSET), BOTH)
     assert verdict.force.decision == verdict.decision == "undecided"
     assert "the line's speed is not stated: forces are within limits up to 80 km/h" in verdict.force.reason
+    assert verdict.force.doubts == ["the line's speed is not stated: forces are within limits up to 80 km/h"]
     assert verdict.measure_next.startswith("state the line's speed")
     assert judge(a_map(110e3, line_speed_kmh=UNSET), BOTH).force.decision == "accept"
     assert judge(a_map(300e3, line_speed_kmh=UNSET), BOTH).force.decision == "reject"
@@ -173,7 +174,8 @@ def test_a_verdict_whose_line_speed_is_not_stated_says_up_to_where_forces_hold()
 def test_what_was_not_computed_is_not_accepted(grid: dict, says: str):
     verdict = judge(a_map(105e3, **grid), BOTH)
     assert verdict.force.decision == verdict.decision == "undecided"
-    assert says in verdict.force.reason
+    assert [says in doubt for doubt in verdict.force.doubts].count(True) == 1
+    assert verdict.force.reason.endswith("; ".join(["probability of exceeding a limit 0%", *verdict.force.doubts]))
     # What is over a limit anyway stays so.
     assert judge(a_map(250e3, **grid), BOTH).decision == "reject"
 

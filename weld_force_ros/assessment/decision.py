@@ -154,6 +154,7 @@ def answer(
         exceeding=exceeding,
         source=nearest.source,
         verified=nearest.verified,
+        doubts=[*doubts],
     )
 
 

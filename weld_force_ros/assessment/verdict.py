@@ -276,7 +276,8 @@ def _without_line_speed(force: Answer, limits: Sequence[Limit], relevant: Releva
     if not within[0]:
         return force
     holds = f"forces are within limits up to {speeds[int(np.argmin(within)) - 1]:g} km/h"
-    return replace(force, decision="undecided", reason=f"the line's speed is not stated: {holds}; {force.reason}")
+    doubt = f"the line's speed is not stated: {holds}"
+    return replace(force, decision="undecided", reason=f"{doubt}; {force.reason}", doubts=[doubt, *force.doubts])
 
 
 def _findings(relevant: RelevantMap, criteria: Sequence[Criterion]) -> tuple[str, str]:

@@ -203,6 +203,7 @@ class Answer(msgspec.Struct, kw_only=True, frozen=True):
         exceeding: probability that a limit of the kind is exceeded.
         source: where that criterion's limit comes from.
         verified: whether its number stands in a text that was read.
+        doubts: what stands in the way of accepting, in clauses; the reason has them too.
     """
 
     decision: Annotated[AnswerDecision, Meta(extra_json_schema={"type": "string"})]
@@ -213,6 +214,7 @@ class Answer(msgspec.Struct, kw_only=True, frozen=True):
     exceeding: Annotated[float, Meta(ge=0.0, le=1.0)] | UnsetType = UNSET
     source: Text = ""
     verified: bool = False
+    doubts: Annotated[list[Text], Meta(max_length=200)] = []
 
 
 class PositionOutcome(msgspec.Struct, kw_only=True, frozen=True):

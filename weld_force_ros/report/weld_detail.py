@@ -106,13 +106,10 @@ def _answer(answer: Answer, criteria: Sequence[Criterion], to_choose: str) -> di
     """Return an answer with its criterion, and apart what stands in the way of accepting."""
     of_name = [c for c in criteria if c.name == answer.criterion and c.decides and c.source == answer.source]
     content: dict[str, Any] = short(msgspec.to_builtins(answer))
-    doubts = answer.reason.rpartition("probability of exceeding a limit ")
-    before = doubts[0].rpartition("; ")[0].rpartition("; ")[0]
-    after = doubts[2].partition("; ")[2]
     return without_none({
         **content,
         "nearest": _criterion(max(of_name, key=ratio)) if of_name else None,
-        "doubts": [sentence_in_words(part, criteria) for part in (before, *after.split("; ")) if part],
+        "doubts": [sentence_in_words(doubt, criteria) for doubt in answer.doubts],
         "to_choose": to_choose if answer.decision == "not assessed" else None,
     })  # fmt: skip
 
