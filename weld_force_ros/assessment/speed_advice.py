@@ -121,21 +121,9 @@ def _shape(
         if hollow.depth_n >= share * (summit_n - rest_n)
     ]
     maxima = [
-        maximum.speed_kmh
-        for maximum in features.maxima
-        if _prominence(speeds_kmh, peak_n, maximum.speed_kmh) >= share * (maximum.force_n - rest_n)
+        maximum.speed_kmh for maximum in features.maxima if maximum.prominence_n >= share * (maximum.force_n - rest_n)
     ]
     return maxima, hollows
-
-
-def _prominence(speeds_kmh: FloatArray, peak_n: FloatArray, at_kmh: float) -> float:
-    """Return by how much a maximum stands above the higher of the lowest places between it and what is higher."""
-    summit = int(np.argmin(np.abs(speeds_kmh - at_kmh)))
-    lowest = []
-    for side in (peak_n[summit::-1], peak_n[summit:]):
-        higher = np.flatnonzero(side > peak_n[summit])
-        lowest.append(side[: higher[0] if len(higher) else len(side)].min())
-    return float(peak_n[summit] - max(lowest))
 
 
 def _on_permitted(permitted_kmh: float | None, speeds_kmh: FloatArray) -> str:

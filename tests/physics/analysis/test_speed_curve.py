@@ -1,5 +1,10 @@
+import itertools
+import random
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.physics.analysis.speed_curve import curve_features, sharp_angles, surface_features
@@ -53,6 +58,21 @@ def test_maximum_inside_a_hollow_begins_no_second_one():
     found = curve_features(speeds, [10.0, 20.0, 30.0, 15.0, 22.0, 12.0, 25.0, 40.0, 50.0])
     assert len(found.maxima) == 2
     assert len(found.hollows) == 1
+    # 30 over 12, the lowest before 40; 22 over 15, before 30, which is higher than 12, before 25. Upside down alike.
+    assert [maximum.prominence_n for maximum in found.maxima] == [18.0, 7.0]
+    assert [minimum.prominence_n for minimum in found.minima] == [7.0, 18.0]
+
+
+@given(st.lists(st.integers(0, 9), min_size=3, max_size=30), st.randoms(use_true_random=False))
+def test_a_prominence_is_that_of_walking_down_to_either_side(heights: list[int], chance: random.Random):
+    """To the last bit, on speeds however far apart."""
+    speeds = np.cumsum([chance.uniform(0.5, 9.0) for _ in heights])
+    force = 1e5 + 1e3 / 3 * np.array(heights, dtype=float)
+    for maximum in curve_features(speeds, force).maxima:
+        summit = int(np.argmin(np.abs(speeds - maximum.speed_kmh)))
+        sides = (force[summit::-1], force[summit:])
+        lowest = [min(itertools.takewhile(force[summit].__ge__, side)) for side in sides]
+        assert maximum.prominence_n == force[summit] - max(lowest)
 
 
 def test_falls_and_wiggles_within_the_tolerance_do_not_count():

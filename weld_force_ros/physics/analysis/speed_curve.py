@@ -6,7 +6,7 @@ force diminishes as speed increases" (section 7): here all that lies below what 
 angle (section 6.1) is a speed at which another peak of the history becomes the largest.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -23,10 +23,16 @@ _LEVEL = 1e-9  # of the force: a curve that varies less is constant
 
 @dataclass(frozen=True)
 class Extremum:
-    """A local maximum or minimum of a force-speed curve."""
+    """A local maximum or minimum of a force-speed curve.
+
+    Attributes:
+        prominence_n: by how much a maximum, where it was computed, stands above the higher of the lowest places between
+            it and what is higher to either side; of a minimum, upside down.
+    """
 
     speed_kmh: float
     force_n: float
+    prominence_n: float
 
 
 @dataclass(frozen=True)
@@ -114,7 +120,7 @@ def curve_features(
     hollows = [_hollow(speeds, force, run) for run in _falls(force, tolerance * extent)]
     return CurveFeatures(
         maxima=_maxima(speeds, force, prominence * extent),
-        minima=[Extremum(e.speed_kmh, -e.force_n) for e in _maxima(speeds, -force, prominence * extent)],
+        minima=[replace(e, force_n=-e.force_n) for e in _maxima(speeds, -force, prominence * extent)],
         hollows=hollows,
         monotonic=not hollows,
         linearity=float(1 - residual @ residual / (scatter @ scatter)),
@@ -211,9 +217,13 @@ def _checked(speeds_kmh: ArrayLike, values: ArrayLike) -> tuple[FloatArray, Floa
 
 
 def _maxima(speeds: FloatArray, force: FloatArray, prominence_n: float) -> list[Extremum]:
-    # A constant has no extremum, though a prominence of zero would find one.
-    found = scipy.signal.find_peaks(force, prominence=prominence_n)[0] if prominence_n > 0 else []
-    return [Extremum(*vertex(speeds, force, int(index))) for index in found]
+    if prominence_n == 0:  # a constant has no extremum, though that would find one
+        return []
+    found, properties = scipy.signal.find_peaks(force, prominence=prominence_n)
+    return [
+        Extremum(*vertex(speeds, force, int(index)), float(own))
+        for index, own in zip(found, properties["prominences"], strict=True)
+    ]
 
 
 def _falls(force: FloatArray, negligible_n: float) -> list[slice]:
