@@ -6,12 +6,11 @@ from collections.abc import Callable
 from typing import Any, Self
 
 import rclpy
-from msgspec import UNSET, UnsetType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
-from weld_force_ros.messages import Direction, ForceHistory, ForceMap, Message, SimulationSettings, WeldProfile
+from weld_force_ros.messages import ForceHistory, ForceMap, Message, SimulationSettings, WeldProfile
 from weld_force_ros.ros import qos
 
 DEADLINE_S = 60.0
@@ -94,15 +93,7 @@ class QuickSimulator:
             elapsed_s=0.0,
         )
 
-    def force_history(
-        self,
-        profile: WeldProfile,
-        speed_kmh: float,
-        position_m: float,
-        *,
-        until_m: float | None = None,
-        running: Direction | UnsetType = UNSET,
-    ) -> ForceHistory:
+    def force_history(self, profile: WeldProfile, speed_kmh: float, position_m: float, **_: Any) -> ForceHistory:
         return ForceHistory(
             weld_id=profile.weld_id,
             profile_sha256=profile.profile_sha256,

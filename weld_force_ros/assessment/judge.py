@@ -42,8 +42,8 @@ class Simulates(Protocol):
         speed_kmh: float,
         position_m: float,
         *,
-        until_m: float | None = None,
-        running: Direction | UnsetType = UNSET,
+        until_m: float,
+        running: Direction | UnsetType,
     ) -> ForceHistory:
         """Compute one passage in the space domain."""
 
