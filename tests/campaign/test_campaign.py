@@ -398,6 +398,21 @@ def test_bags_are_sources(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("text", "vehicles"),
+    [
+        ("", [("own", 100e3)]),
+        ("vehicles: [passenger, freight-22.5t]\n", [("passenger", 54.5e3), ("freight-22.5t", 110.4e3)]),
+        ("vehicles: {heavy: {vehicle: passenger, static_load_n: 120.0e+3}}\n", [("heavy", 120e3)]),
+        ("sections: [{name: a, vehicles: [freight-22.5t]}]\n", [("freight-22.5t", 110.4e3)]),
+    ],
+)
+def test_vehicles_are_named_or_described(tmp_path, text, vehicles):
+    (tmp_path / "c.yaml").write_text(f"name: c\nsources: [{{folder: a}}]\n{text}", encoding="utf-8")
+    (section,) = campaign_file.read(tmp_path / "c.yaml").sections
+    assert [(name, settings.static_load_n) for name, settings in section.vehicles.items()] == vehicles
+
+
+@pytest.mark.parametrize(
     ("text", "said"),
     [
         ("name: c\n", "sources"),
@@ -406,6 +421,8 @@ def test_bags_are_sources(tmp_path):
         ("name: c\nsources: [{folder: a}]\nspeed: 1\n", "speed"),
         ("name: c\nsources: [{folder: a}]\nsections: [{name: a/b}]\n", "name"),
         ("name: c\nsources: [{folder: a}]\nsections: [{name: a, vehicles: [v]}]\n", "vehicle v"),
+        ("name: c\nsources: [{folder: a}]\nvehicles: [v]\n", "vehicle v"),
+        ("name: c\nsources: [{folder: a}]\nvehicles: [../v]\n", "vehicles"),
     ],
 )
 def test_what_cannot_be_done_is_said_in_a_line(tmp_path, capsys, text, said):

@@ -25,7 +25,7 @@ DEFAULT_BATCH_WELDS = 256
 OWN_WHEEL = "own"
 """The vehicle of a campaign that names none: the track's own wheel."""
 
-Label = Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,59}$")]
+Label = Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,59}(?!\n)$")]
 """A name that may also be a folder's."""
 
 _REMEDY = 'write it as the README\'s page "A whole network" shows'
@@ -73,7 +73,7 @@ class _CampaignFile(msgspec.Struct, forbid_unknown_fields=True):
     name: Name
     sources: Annotated[list[SourceEntry], Meta(min_length=1)]
     sections: list[_SectionEntry] = []
-    vehicles: dict[Label, _Vehicle] = {}
+    vehicles: dict[Label, _Vehicle] | list[Label] = {}
     speeds: str | list[float] = DEFAULT_SPEEDS
     positions: int | str | list[float] = DEFAULT_POSITIONS
     engine: str = "common-poles"
@@ -149,9 +149,10 @@ def read(path: Path) -> Campaign:
 
 
 def _section(section: _SectionEntry, file: _CampaignFile, folder: Path, path: Path) -> NetworkSection:
-    vehicles = file.vehicles or {OWN_WHEEL: _Vehicle()}
-    chosen = list(vehicles) if section.vehicles is None else section.vehicles
-    vehicles = {name: _Vehicle(vehicle=name) for name in vehicle_file.bundled()} | vehicles
+    described = file.vehicles if isinstance(file.vehicles, dict) else {}
+    bundled = {name: _Vehicle(vehicle=name) for name in vehicle_file.bundled()}
+    vehicles = {OWN_WHEEL: _Vehicle(), **bundled, **described}
+    chosen = list(file.vehicles or [OWN_WHEEL]) if section.vehicles is None else section.vehicles
     if unknown := [name for name in chosen if name not in vehicles]:
         raise InputError(
             f"campaign {path}, section {section.name}: vehicle {unknown[0]} is not described", "add it to `vehicles`"
