@@ -160,7 +160,7 @@ def test_results_read_by_pandas_polars_duckdb_and_xarray(results):
     assert maps.peak_force_n.dims == ("weld", "speed_kmh", "position_m")
     assert (maps.peak_force_n.units, maps.speed_kmh.units, maps.position_m.units) == ("N", "km/h", "m")
     assert maps.sizes["weld"] == WELDS
-    row = pd.read_parquet(results / "vehicles").query("section == 'first' and vehicle == 'freight'").iloc[0]
+    row = query.connect(results).sql("FROM vehicles WHERE section = 'first' AND vehicle = 'freight'").df().iloc[0]
     at = maps.isel(weld=int(row.weld_number)).sel(
         speed_kmh=row.worst_speed_kmh, position_m=row.worst_position_m, method="nearest"
     )
@@ -169,7 +169,7 @@ def test_results_read_by_pandas_polars_duckdb_and_xarray(results):
 
 
 @pytest.mark.parametrize(
-    ("kind", "schema"), [("verdicts", tables.VERDICTS), ("vehicles", tables.VERDICTS), ("speeds", tables.SPEEDS)]
+    ("kind", "schema"), [("verdicts", tables.VERDICTS), ("other_vehicles", tables.VERDICTS), ("speeds", tables.SPEEDS)]
 )
 def test_schema_of_every_part(results, kind, schema):
     parts = list((results / kind).rglob("*.parquet"))
@@ -203,7 +203,9 @@ def test_a_weld_has_the_verdict_of_the_vehicle_that_decides(folder, results):
     assert len({vehicle for _, vehicle, _, _ in expected}) == 2, "both decide somewhere, or the test says nothing"
     asked = "SELECT weld_number, vehicle, decision, peak_force_n FROM verdicts WHERE line = 'north' ORDER BY 1"
     assert query.ask(results, asked).rows == expected
-    assert len(pd.read_parquet(results / "vehicles")) == UNDER_VEHICLES
+    assert len(pd.read_parquet(results / "other_vehicles")) == UNDER_VEHICLES - VERDICTS
+    counted = "SELECT count(*), count(DISTINCT (weld_number, vehicle)), count(section) FROM vehicles"
+    assert query.ask(results, counted).rows == [(UNDER_VEHICLES,) * 3]
 
 
 def test_a_weld_with_a_vehicle_that_cannot_be_assessed_has_no_verdict(folder, monkeypatch):

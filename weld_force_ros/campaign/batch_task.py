@@ -193,9 +193,10 @@ def save(outcomes: list[AssessedWeld | RejectedWeld], batch: WeldBatch, out: Pat
     files: dict[str, str] = {}
     for section in sorted({one.section for one in assessed}):
         inside = sorted((one for one in assessed if one.section == section), key=lambda one: one.number)
-        for kind, those in (("verdicts", [one for one in inside if one.decides]), ("vehicles", inside)):
-            rows = result_store.table_of((one.row for one in those), tables.VERDICTS)
-            files |= result_store.write_table(rows, out, result_store.part(kind, batch.number, section))
+        for kind, decides in (("verdicts", True), ("other_vehicles", False)):
+            if rows := [one.row for one in inside if one.decides is decides]:
+                verdicts = result_store.table_of(rows, tables.VERDICTS)
+                files |= result_store.write_table(verdicts, out, result_store.part(kind, batch.number, section))
         files |= result_store.write_table(_speeds(inside), out, result_store.part("speeds", batch.number, section))
         for vehicle in sorted({one.vehicle for one in inside}):
             blocks = _blocks([one for one in inside if one.vehicle == vehicle], batch)
@@ -203,8 +204,8 @@ def save(outcomes: list[AssessedWeld | RejectedWeld], batch: WeldBatch, out: Pat
     if rejected:
         rejections = result_store.table_of(rejected, tables.REJECTIONS)
         files |= result_store.write_table(rejections, out, result_store.part("rejections", batch.number))
-    verdicts = sum(one.decides for one in assessed)
-    record = BatchRecord(plan_sha256, batch.number, batch.welds, verdicts, len(rejected), files)
+    decided = sum(one.decides for one in assessed)
+    record = BatchRecord(plan_sha256, batch.number, batch.welds, decided, len(rejected), files)
     batch_records.write(record, out)
     return record
 

@@ -2,7 +2,8 @@
 
 In a notebook, `connect(Path("results"))` gives a DuckDB connection with views `verdicts`, `vehicles`, `speeds` and
 `rejections`, whose `sql(...).df()` is a pandas and `.pl()` a Polars table. Columns are those of `tables`, and
-`section`. Of the vehicles over a weld, questions answer with the one that they concern most: a row a weld.
+`section`; `vehicles` are the verdicts of all vehicles over a weld. Questions answer with the vehicle that they concern
+most: a row a weld.
 """
 
 from dataclasses import dataclass
@@ -15,9 +16,9 @@ import pyarrow as pa  # type: ignore[import-untyped]
 from weld_force_ros.campaign import plan, tables
 from weld_force_ros.errors import InputError
 
-_VIEWS = {
+_TABLES = {
     "verdicts": tables.VERDICTS,
-    "vehicles": tables.VERDICTS,
+    "other_vehicles": tables.VERDICTS,
     "speeds": tables.SPEEDS,
     "rejections": tables.REJECTIONS,
 }
@@ -103,7 +104,7 @@ def connect(out: Path) -> duckdb.DuckDBPyConnection:
 
 def _add_views(connection: duckdb.DuckDBPyConnection, out: Path, prefix: str) -> None:
     plan.results(out)
-    for name, columns in _VIEWS.items():
+    for name, columns in _TABLES.items():
         # Only whole parts have this name: what is being written has another.
         parts = sorted(str(part) for part in (out / name).rglob("batch-*.parquet"))
         if parts:
@@ -111,6 +112,8 @@ def _add_views(connection: duckdb.DuckDBPyConnection, out: Path, prefix: str) ->
         else:
             found = connection.from_arrow(columns.append(pa.field("section", pa.string())).empty_table())
         found.create_view(prefix + name)
+    both = f"FROM {prefix}verdicts UNION ALL BY NAME FROM {prefix}other_vehicles"
+    connection.sql(both).create_view(f"{prefix}vehicles")
 
 
 def ask(out: Path, sql: str, **values: Any) -> Answer:
@@ -132,7 +135,9 @@ def _answer(connection: duckdb.DuckDBPyConnection, sql: str, values: dict[str, A
     try:
         return fetch(connection, sql, **values)
     except duckdb.Error as error:
-        raise InputError(" ".join(str(error).split()), f"ask over the views {', '.join(_VIEWS)}") from None
+        raise InputError(
+            " ".join(str(error).split()), "ask over the views verdicts, vehicles, speeds and rejections"
+        ) from None
     finally:
         connection.close()
 

@@ -1,10 +1,10 @@
 """Store results on disk: Parquet parts and Zarr chunks, each there as a whole or not at all, each of one batch.
 
-    verdicts/section=SECTION/batch-000007.parquet     rows of `tables.VERDICTS`, one a weld
-    vehicles/section=SECTION/batch-000007.parquet     rows of `tables.VERDICTS`, one a weld and vehicle
-    speeds/section=SECTION/batch-000007.parquet       rows of `tables.SPEEDS`
-    rejections/batch-000007.parquet                   rows of `tables.REJECTIONS`
-    maps.zarr/SECTION/VEHICLE/peak_force_n …          (weld, speed, position), a chunk a batch
+    verdicts/section=SECTION/batch-000007.parquet        rows of `tables.VERDICTS`, one a weld
+    other_vehicles/section=SECTION/batch-000007.parquet  of the vehicles over a weld that do not decide
+    speeds/section=SECTION/batch-000007.parquet          rows of `tables.SPEEDS`
+    rejections/batch-000007.parquet                      rows of `tables.REJECTIONS`
+    maps.zarr/SECTION/VEHICLE/peak_force_n …             (weld, speed, position), a chunk a batch
 
 Along `weld` a map stands at its weld's number; welds of other sections, and rejected ones, are NaN there.
 """

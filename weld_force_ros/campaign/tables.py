@@ -58,7 +58,7 @@ VERDICTS = pa.schema(
         **{f"value_{name}": pa.float64() for name in CRITERIA}, **_OF_MEASURES,
     }
 )  # fmt: skip
-"""One row a weld, that of the vehicle which decides; or one a weld and vehicle. `value_*` is each criterion's value in
+"""One row a weld, that of the vehicle which decides; or of the others over it. `value_*` is each criterion's value in
 SI units, `worst_*` the criterion nearest to its limit, or farthest beyond it, of those that decide."""
 
 SPEEDS = pa.schema(
