@@ -11,6 +11,7 @@ import numpy as np
 from weld_force_ros.physics._numba_cache import compiled
 from weld_force_ros.physics.passage._contact import (
     CHECK_EVERY_STEPS,
+    DECAYED,
     FAST_MATH,
     Filters,
     contact_force,
@@ -160,7 +161,8 @@ def peaks_at_speed(passages: Passages, step: Propagation, smooth: SmoothRail, fi
     """Simulate passages of one speed.
 
     A passage ends when a window of steps behind the weld has seen the transient decay, at the latest after the longest
-    run-out. It goes on for its filters, its other results unchanged.
+    run-out. It goes on for its filters, its other results unchanged: windows then follow on each other, so that what a
+    filter still shows begins where it did in earlier versions.
 
     `results` (n_passage, 6 + n_end): peak force, its place in steps from the start, least force, time without contact,
     largest second difference of the force, number of steps; with filters, n_end = n_filter + 2 n_filter n_mode + 3: the
@@ -175,7 +177,7 @@ def peaks_at_speed(passages: Passages, step: Propagation, smooth: SmoothRail, fi
         rail, wheel = passages.initial_states[i, :-3].copy(), passages.initial_states[i, -3:].copy()
         scratch = np.empty_like(rail)
         force = before = top = top_before = top_after = least = wheel[2]
-        place, steps_apart, second_difference, transient = 0, 0, 0.0, 0.0
+        place, steps_apart, second_difference, transient, swing, loud = 0, 0, 0.0, 0.0, 0.0, passages.ends[i]
         filtered[:] = 0.0
         for q in range(n_filters):
             levels[q, :] = filters.smooth_n[q, j]
@@ -197,13 +199,20 @@ def peaks_at_speed(passages: Passages, step: Propagation, smooth: SmoothRail, fi
             departure_after = after - smooth.force_n[j]
             _advance_filters(filters, filtered, levels, j, departure, departure_after)
             departure = departure_after
-            transient = max(transient, abs(departure))
+            swing = max(swing, abs(departure))
             second_difference = max(second_difference, abs(before - 2.0 * force + after))
             before, force = force, after
-            if n % CHECK_EVERY_STEPS == 0 and n >= next_check:
+            if n % CHECK_EVERY_STEPS > 0:
+                continue
+            transient = max(transient, swing)
+            if swing > DECAYED * min(top - smooth_high, smooth_low - least):
+                loud = max(loud, n)
+            swing = 0.0
+            quiet = n_filters == 0 and n >= loud + smooth.window
+            if quiet or n >= next_check:
                 a_span_behind = n >= passages.ends[i] + grid
                 run_out_over = n >= passages.ends[i] + smooth.run_out
-                decayed = transient_decayed(
+                decayed = quiet or transient_decayed(
                     transient, top, least, smooth_high, smooth_low, smooth.negligible_n, a_span_behind
                 )
                 if not ended and (decayed or run_out_over):

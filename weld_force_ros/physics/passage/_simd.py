@@ -218,3 +218,14 @@ def where_greater(typing, a, b, then, otherwise):
         return builder.select(builder.fcmp_ordered(">", args[0], args[1]), args[2], args[3])
 
     return then(a, a, then, then), generate
+
+
+@intrinsic
+def any_greater(typing, a, b):
+    """Return whether a > b in any lane."""
+
+    def generate(context, builder, sig, args):
+        greater = builder.bitcast(builder.fcmp_ordered(">", *args), ir.IntType(LANES))
+        return builder.icmp_unsigned("!=", greater, ir.Constant(greater.type, 0))
+
+    return types.boolean(a, a), generate

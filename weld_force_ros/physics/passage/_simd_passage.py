@@ -7,6 +7,7 @@ import numpy as np
 from weld_force_ros.physics._numba_cache import compiled
 from weld_force_ros.physics.passage._contact import (
     CHECK_EVERY_STEPS,
+    DECAYED,
     FAST_MATH,
     Filters,
     copy,
@@ -18,6 +19,7 @@ from weld_force_ros.physics.passage._contact import (
 from weld_force_ros.physics.passage._simd import (
     LANES,
     SPEEDS,
+    any_greater,
     double,
     load,
     load_two,
@@ -33,9 +35,10 @@ from weld_force_ros.physics.passage._simd import (
 )
 
 # Rows of the working array that lanes are checked by.
-_TOP_BEFORE, _TOP, _TOP_AFTER, _PLACE, _SECONDS_APART, _SECOND_DIFFERENCE, _LEAST, _TRANSIENT = range(8)
-_WHEEL = 8
-_ROWS = 11
+_TOP_BEFORE, _TOP, _TOP_AFTER, _PLACE, _STEPS_APART, _SECOND_DIFFERENCE, _LEAST, _TRANSIENT, _LOUD = range(9)
+_WHEEL = 9
+_ROWS = 12
+_HARDLY_IN_CONTACT_N = 1.0
 
 
 class SpeedBlocks(NamedTuple):
@@ -190,13 +193,86 @@ def _square_root_of_indentation(gap, stiffness):
     return root
 
 
+@compiled(nogil=True, fastmath=FAST_MATH)
+def _note_extremes(forces, departures, smooth, working, grid_row, n_grid, j, k, first):
+    """Take the extremes in `working` over the last steps, since the last check.
+
+    Peaks, and steps without contact, are looked for one by one where a step among them can be one: in few.
+
+    Args:
+        forces: flat, of lanes: two before these steps, and theirs.
+        departures: from the smooth rail's force, one before these steps, and theirs, which are filled in.
+        smooth: flat, of half the lanes.
+        working: whose rows are moved on.
+        grid_row: first row of the span in `smooth`.
+        n_grid: rows of the span.
+        j: grid point before these steps, of half of the lanes.
+        k: of the other half.
+        first: number of steps before these.
+
+    Returns:
+        The largest departure of these steps.
+    """
+    before, force = load(forces, 0), load(forces, 1)
+    highest, least, two = force, load(working, _LEAST), splat(2.0)
+    second_difference, swing = load(working, _SECOND_DIFFERENCE), splat(0.0)
+    for n in range(CHECK_EVERY_STEPS):
+        after = load(forces, n + 2)
+        highest = where_greater(force, highest, force, highest)
+        least = where_greater(least, after, after, least)
+        difference = magnitude(before - two * force + after)
+        second_difference = where_greater(difference, second_difference, difference, second_difference)
+        j = j + 1 if j + 1 < n_grid else 0
+        k = k + 1 if k + 1 < n_grid else 0
+        departure = after - load_two(smooth, grid_row + j, grid_row + k)
+        store(departures, n + 1, departure)
+        amplitude = magnitude(departure)
+        swing = where_greater(amplitude, swing, amplitude, swing)
+        before, force = force, after
+    store(working, _LEAST, least)
+    store(working, _SECOND_DIFFERENCE, second_difference)
+    transient = load(working, _TRANSIENT)
+    store(working, _TRANSIENT, where_greater(swing, transient, swing, transient))
+    if any_greater(highest, load(working, _TOP)):
+        _note_tops(forces, working, first)
+    if any_greater(splat(_HARDLY_IN_CONTACT_N), least):
+        _count_apart(forces, working)
+    return swing
+
+
+@compiled(nogil=True, fastmath=FAST_MATH)
+def _note_tops(forces, working, first):
+    before, force = load(forces, 0), load(forces, 1)
+    top_before, top, top_after = load(working, _TOP_BEFORE), load(working, _TOP), load(working, _TOP_AFTER)
+    place = load(working, _PLACE)
+    for n in range(CHECK_EVERY_STEPS):
+        after = load(forces, n + 2)
+        top_before = where_greater(force, top, before, top_before)
+        top_after = where_greater(force, top, after, top_after)
+        place = where_greater(force, top, splat(float(first + n)), place)
+        top = where_greater(force, top, force, top)
+        before, force = force, after
+    store(working, _TOP_BEFORE, top_before)
+    store(working, _TOP, top)
+    store(working, _TOP_AFTER, top_after)
+    store(working, _PLACE, place)
+
+
+@compiled(nogil=True, fastmath=FAST_MATH)
+def _count_apart(forces, working):
+    steps_apart, zero, one = load(working, _STEPS_APART), splat(0.0), splat(1.0)
+    for n in range(CHECK_EVERY_STEPS):
+        steps_apart = steps_apart + where_greater(load(forces, n + 2), zero, zero, one)
+    store(working, _STEPS_APART, steps_apart)
+
+
 @compiled(nogil=True, fastmath=FAST_MATH, inline="always")
-def _write_extremes(lane, working, row):
+def _write_extremes(lane, working, dt, row):
     peak, offset = vertex(
         working[_TOP_BEFORE * LANES + lane], working[_TOP * LANES + lane], working[_TOP_AFTER * LANES + lane]
     )
     row[0], row[1] = peak, working[_PLACE * LANES + lane] + offset
-    row[2], row[3] = working[_LEAST * LANES + lane], working[_SECONDS_APART * LANES + lane]
+    row[2], row[3] = working[_LEAST * LANES + lane], working[_STEPS_APART * LANES + lane] * dt
     row[4] = working[_SECOND_DIFFERENCE * LANES + lane]
 
 
@@ -225,11 +301,12 @@ def peaks_in_lanes(pairs: PlacePairs, blocks: SpeedBlocks, filters: Filters, phy
     irregularities, all_dts, filter_rows = pairs.irregularity_m.ravel(), blocks.dt_s.ravel(), filters.smooth_n.ravel()
     n_filters = filters.decay.shape[2]
     filtered, levels = np.empty(2 * n_filters * filters.decay.shape[3] * LANES), np.empty(5 * n_filters * LANES)
-    departures = np.empty((CHECK_EVERY_STEPS + 1) * LANES)
-    smooth_high, smooth_low = np.empty(SPEEDS), np.empty(SPEEDS)
+    departures, forces = np.empty((CHECK_EVERY_STEPS + 1) * LANES), np.empty((CHECK_EVERY_STEPS + 2) * LANES)
+    smooth_high, smooth_low = np.empty(LANES), np.empty(LANES)
     rail, working = np.empty(n_state * LANES), np.empty(_ROWS * LANES)
-    next_checks, active, ended = np.empty(LANES, np.int64), np.empty(LANES, np.bool_), np.empty(LANES, np.bool_)
-    zero, one, two = splat(0.0), splat(1.0), splat(2.0)
+    next_checks, quiet_checks = np.empty(LANES, np.int64), np.empty(LANES, np.int64)
+    active, ended = np.empty(LANES, np.bool_), np.empty(LANES, np.bool_)
+    zero = splat(0.0)
     half, third = splat(0.5), splat(1.0 / 3.0)
     load_n, hertz = splat(physics[1]), splat(physics[2])
     for i in range(pairs.speed_blocks.shape[0]):
@@ -239,14 +316,21 @@ def peaks_in_lanes(pairs: PlacePairs, blocks: SpeedBlocks, filters: Filters, phy
         dt_over_mass = dt / splat(physics[0])
         own = dt * dt_over_mass * splat(1.0 / 6.0)
         for speed in range(SPEEDS):
-            smooth_high[speed], smooth_low[speed] = extremes(blocks.smooth_n[block, :, speed])
+            high, low = extremes(blocks.smooth_n[block, :, speed])
+            smooth_high[speed], smooth_high[speed + SPEEDS] = high, high
+            smooth_low[speed], smooth_low[speed + SPEEDS] = low, low
         initial = pairs.initial_states[i].ravel()
         copy(initial[: n_state * LANES], rail)
         wheel, velocity, force = load(initial, n_state), load(initial, n_state + 1), load(initial, n_state + 2)
-        before, top, top_before, top_after, least = force, force, force, force, force
-        place, steps_apart, second_difference, transient = zero, zero, zero, zero
+        for s in range(_ROWS):
+            store(working, s, zero)
+        for s in (_TOP_BEFORE, _TOP, _TOP_AFTER, _LEAST):
+            store(working, s, force)
+        store(forces, CHECK_EVERY_STEPS, force)
+        store(forces, CHECK_EVERY_STEPS + 1, force)
         for lane in range(LANES):
             next_checks[lane] = pairs.ends[i, lane // SPEEDS] + blocks.windows[block, lane]
+            quiet_checks[lane] = next_checks[lane]
             active[lane], ended[lane] = True, False
         n_active = LANES
         j, k = pairs.starts[i, 0] % n_grid, pairs.starts[i, 1] % n_grid
@@ -259,73 +343,67 @@ def peaks_in_lanes(pairs: PlacePairs, blocks: SpeedBlocks, filters: Filters, phy
         store(departures, 0, force - load_two(smooth_rows, grid_row + j, grid_row + k))
         n = 0
         while n_active > 0:
-            n += 1
-            j_ahead = j + 1 if j + 1 < n_grid else 0
-            k_ahead = k + 1 if k + 1 < n_grid else 0
-            irregularity = zero
-            if n < irregular:
-                irregularity = spread_four(
-                    irregularities, row_a * irregular + n, row_b * irregular + n, row_c * irregular + n,
-                    row_d * irregular + n,
+            copy(forces[CHECK_EVERY_STEPS * LANES :], forces[: 2 * LANES])
+            j_first, k_first = j, k
+            for m in range(CHECK_EVERY_STEPS):
+                n += 1
+                j_ahead = j + 1 if j + 1 < n_grid else 0
+                k_ahead = k + 1 if k + 1 < n_grid else 0
+                irregularity = zero
+                if n < irregular:
+                    irregularity = spread_four(
+                        irregularities, row_a * irregular + n, row_b * irregular + n, row_c * irregular + n,
+                        row_d * irregular + n,
+                    )  # fmt: skip
+                displacement_re, displacement_im = _advance_rail(
+                    rail, force, irregularity, decays, input_scales, real_row, imag_row, drives, n_state, j, k, j_ahead,
+                    k_ahead,
                 )  # fmt: skip
-            displacement_re, displacement_im = _advance_rail(
-                rail, force, irregularity, decays, input_scales, real_row, imag_row, drives, n_state, j, k, j_ahead,
-                k_ahead,
-            )  # fmt: skip
-            free_wheel = multiply_add(
-                dt, multiply_add(dt_over_mass, half * load_n - third * force, velocity), wheel
-            )  # fmt: skip
-            gap = free_wheel - displacement_re + displacement_im
-            gap = where_greater(gap, zero, gap, zero)
-            stiffness = (load_two(gain_rows, grid_row + j_ahead, grid_row + k_ahead) + own) * hertz
-            root = _square_root_of_indentation(gap, stiffness)
-            after = where_greater(gap, zero, hertz * root * root * root, zero)
-            wheel = free_wheel - own * after
-            velocity = multiply_add(dt_over_mass, load_n - half * (force + after), velocity)
-            top_before = where_greater(force, top, before, top_before)
-            top_after = where_greater(force, top, after, top_after)
-            place = where_greater(force, top, splat(float(n - 1)), place)
-            top = where_greater(force, top, force, top)
-            least = where_greater(least, after, after, least)
-            steps_apart = steps_apart + where_greater(gap, zero, zero, one)
-            difference = magnitude(before - two * force + after)
-            second_difference = where_greater(difference, second_difference, difference, second_difference)
-            departure = after - load_two(smooth_rows, grid_row + j_ahead, grid_row + k_ahead)
-            amplitude = magnitude(departure)
-            transient = where_greater(amplitude, transient, amplitude, transient)
-            before, force = force, after
-            j, k = j_ahead, k_ahead
-            if n_filters > 0:
-                store(departures, (n - 1) % CHECK_EVERY_STEPS + 1, departure)
-            if n % CHECK_EVERY_STEPS > 0:
-                continue
-            if n_filters > 0:
-                _advance_filters(filters, departures, filtered, levels, block, j, k)
-                store(departures, 0, departure)
-            store(working, _TOP_BEFORE, top_before)
-            store(working, _TOP, top)
-            store(working, _TOP_AFTER, top_after)
-            store(working, _PLACE, place)
-            store(working, _SECONDS_APART, steps_apart * dt)
-            store(working, _SECOND_DIFFERENCE, second_difference)
-            store(working, _LEAST, least)
-            store(working, _TRANSIENT, transient)
+                free_wheel = multiply_add(
+                    dt, multiply_add(dt_over_mass, half * load_n - third * force, velocity), wheel
+                )  # fmt: skip
+                gap = free_wheel - displacement_re + displacement_im
+                gap = where_greater(gap, zero, gap, zero)
+                stiffness = (load_two(gain_rows, grid_row + j_ahead, grid_row + k_ahead) + own) * hertz
+                root = _square_root_of_indentation(gap, stiffness)
+                after = where_greater(gap, zero, hertz * root * root * root, zero)
+                wheel = free_wheel - own * after
+                velocity = multiply_add(dt_over_mass, load_n - half * (force + after), velocity)
+                store(forces, m + 2, after)
+                force = after
+                j, k = j_ahead, k_ahead
+            swing = _note_extremes(
+                forces, departures, smooth_rows, working, grid_row, n_grid, j_first, k_first, n - CHECK_EVERY_STEPS
+            )
             store(working, _WHEEL, wheel)
             store(working, _WHEEL + 1, velocity)
             store(working, _WHEEL + 2, force)
-            renewed = False
+            if n_filters > 0:
+                _advance_filters(filters, departures, filtered, levels, block, j, k)
+                copy(departures[CHECK_EVERY_STEPS * LANES :], departures[:LANES])
+            else:
+                rise = load(working, _TOP) - load(smooth_high, 0)
+                fall = load(smooth_low, 0) - load(working, _LEAST)
+                audible = splat(DECAYED) * where_greater(rise, fall, fall, rise)
+                store(working, _LOUD, where_greater(swing, audible, splat(float(n)), load(working, _LOUD)))
             for lane in range(LANES):
-                if not active[lane] or n < next_checks[lane]:
+                if not active[lane] or n < quiet_checks[lane]:
                     continue
-                speed, end, seen = lane % SPEEDS, pairs.ends[i, lane // SPEEDS], working[_TRANSIENT * LANES + lane]
+                end, window, quiet = pairs.ends[i, lane // SPEEDS], blocks.windows[block, lane], False
+                if n_filters == 0:
+                    quiet_checks[lane] = max(end, int(working[_LOUD * LANES + lane])) + window
+                    quiet = n >= quiet_checks[lane]
+                    if not quiet and n < next_checks[lane]:
+                        continue
+                seen = working[_TRANSIENT * LANES + lane]
                 a_span_behind, run_out_over = n >= end + n_grid, n >= end + blocks.run_outs[block, lane]
-                decayed = transient_decayed(
-                    seen, working[_TOP * LANES + lane], working[_LEAST * LANES + lane], smooth_high[speed],
-                    smooth_low[speed], negligible_n, a_span_behind,
+                decayed = quiet or transient_decayed(
+                    seen, working[_TOP * LANES + lane], working[_LEAST * LANES + lane], smooth_high[lane],
+                    smooth_low[lane], negligible_n, a_span_behind,
                 )  # fmt: skip
                 if not ended[lane] and (decayed or run_out_over):
                     ended[lane] = True
-                    _write_extremes(lane, working, results[i, lane])
+                    _write_extremes(lane, working, blocks.dt_s[block, lane], results[i, lane])
                 for q in range(n_filters):
                     highest, floor = levels[(5 * q + 3) * LANES + lane], filters.floors_n[block, q, lane]
                     decayed = decayed and filtered_transient_decayed(seen, highest, floor, negligible_n, a_span_behind)
@@ -334,8 +412,6 @@ def peaks_in_lanes(pairs: PlacePairs, blocks: SpeedBlocks, filters: Filters, phy
                     n_active -= 1
                     _write_end(lane, n, working, filtered, levels, n_filters, results[i, lane])
                 else:
-                    next_checks[lane] = n + blocks.windows[block, lane]
+                    next_checks[lane] = n + window
+                    quiet_checks[lane] = quiet_checks[lane] if n_filters == 0 else next_checks[lane]
                     working[_TRANSIENT * LANES + lane] = 0.0
-                    renewed = True
-            if renewed:
-                transient = load(working, _TRANSIENT)
