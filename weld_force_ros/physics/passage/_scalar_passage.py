@@ -11,8 +11,8 @@ import numpy as np
 from weld_force_ros.physics._numba_cache import compiled
 from weld_force_ros.physics.passage._contact import (
     CHECK_EVERY_STEPS,
-    DECAYED,
     FAST_MATH,
+    QUIET,
     Filters,
     contact_force,
     copy,
@@ -160,9 +160,9 @@ def _advance_filters(filters, filtered, levels, j, departure, departure_after):
 def peaks_at_speed(passages: Passages, step: Propagation, smooth: SmoothRail, filters: Filters, physics, dt, results):
     """Simulate passages of one speed.
 
-    A passage ends when a window of steps behind the weld has seen the transient decay, at the latest after the longest
-    run-out. It goes on for its filters, its other results unchanged: windows then follow on each other, so that what a
-    filter still shows begins where it did in earlier versions.
+    A passage ends when one of the windows that follow on each other behind the weld has seen the transient decay, at
+    the latest after the longest run-out. Without filters it ends as soon as any half a window has seen it at half that
+    level; with them it goes on until they show nothing more, its other results unchanged.
 
     `results` (n_passage, 6 + n_end): peak force, its place in steps from the start, least force, time without contact,
     largest second difference of the force, number of steps; with filters, n_end = n_filter + 2 n_filter n_mode + 3: the
@@ -205,10 +205,10 @@ def peaks_at_speed(passages: Passages, step: Propagation, smooth: SmoothRail, fi
             if n % CHECK_EVERY_STEPS > 0:
                 continue
             transient = max(transient, swing)
-            if swing > DECAYED * min(top - smooth_high, smooth_low - least):
+            if swing > QUIET * min(top - smooth_high, smooth_low - least):
                 loud = max(loud, n)
             swing = 0.0
-            quiet = n_filters == 0 and n >= loud + smooth.window
+            quiet = n_filters == 0 and n >= loud + smooth.window // 2
             if quiet or n >= next_check:
                 a_span_behind = n >= passages.ends[i] + grid
                 run_out_over = n >= passages.ends[i] + smooth.run_out

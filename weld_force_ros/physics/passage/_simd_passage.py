@@ -7,8 +7,8 @@ import numpy as np
 from weld_force_ros.physics._numba_cache import compiled
 from weld_force_ros.physics.passage._contact import (
     CHECK_EVERY_STEPS,
-    DECAYED,
     FAST_MATH,
+    QUIET,
     Filters,
     copy,
     extremes,
@@ -331,6 +331,8 @@ def peaks_in_lanes(pairs: PlacePairs, blocks: SpeedBlocks, filters: Filters, phy
         for lane in range(LANES):
             next_checks[lane] = pairs.ends[i, lane // SPEEDS] + blocks.windows[block, lane]
             quiet_checks[lane] = next_checks[lane]
+            if n_filters == 0:
+                quiet_checks[lane] -= blocks.windows[block, lane] - blocks.windows[block, lane] // 2
             active[lane], ended[lane] = True, False
         n_active = LANES
         j, k = pairs.starts[i, 0] % n_grid, pairs.starts[i, 1] % n_grid
@@ -384,14 +386,14 @@ def peaks_in_lanes(pairs: PlacePairs, blocks: SpeedBlocks, filters: Filters, phy
             else:
                 rise = load(working, _TOP) - load(smooth_high, 0)
                 fall = load(smooth_low, 0) - load(working, _LEAST)
-                audible = splat(DECAYED) * where_greater(rise, fall, fall, rise)
+                audible = splat(QUIET) * where_greater(rise, fall, fall, rise)
                 store(working, _LOUD, where_greater(swing, audible, splat(float(n)), load(working, _LOUD)))
             for lane in range(LANES):
                 if not active[lane] or n < quiet_checks[lane]:
                     continue
                 end, window, quiet = pairs.ends[i, lane // SPEEDS], blocks.windows[block, lane], False
                 if n_filters == 0:
-                    quiet_checks[lane] = max(end, int(working[_LOUD * LANES + lane])) + window
+                    quiet_checks[lane] = max(end, int(working[_LOUD * LANES + lane])) + window // 2
                     quiet = n >= quiet_checks[lane]
                     if not quiet and n < next_checks[lane]:
                         continue
