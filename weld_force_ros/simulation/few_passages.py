@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from weld_force_ros.messages import Direction, Uncertainty
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.lane_tables import AT_ONCE, LaneTables, Places, joined_places, places_over
+from weld_force_ros.physics.passage.lane_tables import AT_ONCE, LaneTables, MetPaths, Places, places_over
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.state_space import StateModel
 from weld_force_ros.physics.passage.steady_state import SteadyStateSolver
@@ -215,15 +215,14 @@ class FewPassages:
         self, choice: _Choice, runs: Sequence[Run], paths_m: FloatArray, start_m: float, positions_m: FloatArray
     ) -> Places:
         """Return the places of a choice, those of each direction over the paths as they are met."""
-        end_m, parts = start_m + RESAMPLED_STEP_M * (paths_m.shape[1] - 1), list[Places]()
+        end_m, directions = start_m + RESAMPLED_STEP_M * (paths_m.shape[1] - 1), list[MetPaths]()
         for number, run in enumerate(runs):
             own = choice.places[choice.places // len(positions_m) == number] % len(positions_m)
             if len(own) == 0:
                 continue
             met, first_m = (paths_m, start_m) if run.direction == "with" else (paths_m[:, ::-1], -end_m)
-            at_m = run.places(positions_m[own])
-            parts.append(places_over(self._solvers[0], np.ascontiguousarray(met), first_m, RESAMPLED_STEP_M, at_m))
-        return joined_places(parts)
+            directions.append(MetPaths(np.ascontiguousarray(met), first_m, run.places(positions_m[own])))
+        return places_over(self._solvers[0], RESAMPLED_STEP_M, directions)
 
     @property
     def _span_m(self) -> float:
@@ -252,7 +251,7 @@ class FewPassages:
         rows = np.append(np.flatnonzero(self._levels.nearest == pair), len(self._levels.nearest))
         return [
             choice.worst(
-                tables.peaks(own.of(rows), choice.blocks, low_passed=choice.names == _LOW_PASSED),
+                tables.peaks(own, rows, choice.blocks, low_passed=choice.names == _LOW_PASSED),
                 self._wheel.static_load_n,
             )
             for choice, own in zip(choices, places, strict=True)

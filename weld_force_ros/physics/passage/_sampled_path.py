@@ -46,15 +46,17 @@ def average(surface, weight, out):
 
 
 @compiled(nogil=True)
-def sampled_locally(heights, step_m, firsts_m, apart_m, rows):
-    """Fill `rows` (n_path, n_row, n) with heights (n_path, n_height) every `apart_m` from `firsts_m` (n_row,) on.
+def sampled_locally(heights, step_m, firsts_m, apart_m, first_row, rows):
+    """Fill rows of (n_path, n_row, n) with minus the heights (n_path, n_height), every `apart_m` from `firsts_m` on.
 
-    Cubics through the four heights about a place, zero outside; places are counted from the first height.
+    Cubics through the four heights about a place, zero outside; places are counted from the first height. `firsts_m`
+    (n,) are of `first_row` and the rows after it.
     """
     last = heights.shape[1] - 1
-    for row in range(rows.shape[1]):
+    for own in range(firsts_m.shape[0]):
+        row = first_row + own
         for n in range(rows.shape[2]):
-            place = (firsts_m[row] + n * apart_m) / step_m
+            place = (firsts_m[own] + n * apart_m) / step_m
             if not 1.0 <= place < last - 1:
                 rows[:, row, n] = 0.0
                 continue
@@ -63,7 +65,7 @@ def sampled_locally(heights, step_m, firsts_m, apart_m, rows):
             before, here = -s * (s - 1) * (s - 2) / 6, (s + 1) * (s - 1) * (s - 2) / 2
             after, beyond = -s * (s + 1) * (s - 2) / 2, s * (s + 1) * (s - 1) / 6
             for path in range(rows.shape[0]):
-                rows[path, row, n] = (
+                rows[path, row, n] = -(
                     before * heights[path, j - 1]
                     + here * heights[path, j]
                     + after * heights[path, j + 1]

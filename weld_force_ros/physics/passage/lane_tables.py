@@ -7,7 +7,7 @@ longest stride: what that leaves out is in the batches of `weld_force_ros.physic
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,10 +45,6 @@ class Places:
     ends: NDArray[np.int64]
     irregularity_m: FloatArray
 
-    def of(self, samples: NDArray[np.intp]) -> "Places":
-        """Return the places of some samples."""
-        return Places(self.starts, self.ends, self.irregularity_m[samples])
-
 
 class LaneTables:
     """The tables of a wheel on a track at many speeds, in one stride; about 40 kB a speed.
@@ -80,11 +76,12 @@ class LaneTables:
         arrays: list[Any] = [array for filters in self._filters.values() for array in filters]
         return sum(array.nbytes for array in [*arrays, *(v for v in vars(self).values() if hasattr(v, "nbytes"))])
 
-    def peaks(self, places: Places, speeds: SpeedChoice, *, low_passed: bool) -> PeakMap:
-        """Simulate every sample at every place, at the speeds of that place.
+    def peaks(self, places: Places, samples: NDArray[np.intp], speeds: SpeedChoice, *, low_passed: bool) -> PeakMap:
+        """Simulate some samples at every place, at the speeds of that place.
 
         Args:
             places: where, and over what.
+            samples: (n_sample,), which of the places' samples.
             speeds: (n_place, AT_ONCE), indices of the table's speeds.
             low_passed: also the greatest forces through filters, which takes twice the time.
 
@@ -95,10 +92,10 @@ class LaneTables:
             NumericalError: a passage did not stay finite.
         """
         filters = self._filters[CUTOFFS_HZ if low_passed else ()]
-        samples, count = places.irregularity_m.shape[0], len(speeds)
-        results = np.empty((-(-samples // _SAMPLES) * count, LANES, column_count(filters)))
+        count = len(speeds)
+        results = np.empty((-(-len(samples) // _SAMPLES) * count, LANES, column_count(filters)))
         _simd_passage.peaks_in_lanes(
-            self._lanes(places, speeds),
+            self._lanes(places, samples, speeds),
             self._blocks(speeds),
             _filter_blocks(filters, speeds),
             self._solver.physics,
@@ -107,7 +104,7 @@ class LaneTables:
         )
         # The last sample fills what lanes are left.
         found = results.reshape(-1, count, _SAMPLES, AT_ONCE, results.shape[2]).transpose(0, 2, 1, 3, 4)
-        found = found.reshape(-1, count, AT_ONCE, results.shape[2])[:samples]
+        found = found.reshape(-1, count, AT_ONCE, results.shape[2])[: len(samples)]
         if low_passed:
             found = self._with_later(filters, places, speeds, found)
         shown = np.concatenate([found[..., :_SHOWN], found[..., 6:]], axis=3)
@@ -116,10 +113,10 @@ class LaneTables:
         peak_n, steps, least_n, loss_s, *low = np.moveaxis(shown, 3, 0)
         return PeakMap(peak_n, steps, least_n, loss_s, np.stack(low) if low_passed else None)
 
-    def _lanes(self, places: Places, speeds: SpeedChoice) -> _simd_passage.PlacePairs:
-        samples, count, longest = places.irregularity_m.shape
-        repeats = -(-samples // _SAMPLES)
-        own = np.minimum(np.arange(repeats * _SAMPLES), samples - 1).reshape(repeats, 1, _SAMPLES)
+    def _lanes(self, places: Places, samples: NDArray[np.intp], speeds: SpeedChoice) -> _simd_passage.PlacePairs:
+        _, count, longest = places.irregularity_m.shape
+        repeats = -(-len(samples) // _SAMPLES)
+        own = samples[np.minimum(np.arange(repeats * _SAMPLES), len(samples) - 1)].reshape(repeats, 1, _SAMPLES)
         at = places.starts // self._solver.longest_stride % self._states.shape[1]
         initial = np.tile(self._states[speeds, at[:, None]].transpose(0, 2, 1), _SAMPLES)
         return _simd_passage.PlacePairs(
@@ -127,9 +124,7 @@ class LaneTables:
             initial_states=np.tile(initial, (repeats, 1, 1)),
             starts=np.tile(np.repeat(places.starts[:, None] // self._stride, 2, axis=1), (repeats, 1)),
             ends=np.tile(np.repeat(places.ends[:, None], 2, axis=1), (repeats, 1)),
-            irregularity_m=np.ascontiguousarray(
-                places.irregularity_m.reshape(-1, longest)
-            ),  # one layout: compiled once
+            irregularity_m=places.irregularity_m.reshape(-1, longest),
             rows=(own * count + np.arange(count)[:, None]).reshape(-1, _SAMPLES),
         )
 
@@ -179,37 +174,43 @@ def _side_by_side(table: NDArray[Any], speeds: SpeedChoice) -> NDArray[Any]:
     return np.ascontiguousarray(np.moveaxis(table[speeds], 1, -1))
 
 
-def joined_places(parts: Sequence[Places]) -> Places:
-    """Return places over the same samples one after the other."""
-    longest = max(part.irregularity_m.shape[2] for part in parts)
-    padded = [
-        np.pad(part.irregularity_m, ((0, 0), (0, 0), (0, longest - part.irregularity_m.shape[2]))) for part in parts
-    ]
-    return Places(
-        np.concatenate([part.starts for part in parts]),
-        np.concatenate([part.ends for part in parts]),
-        np.concatenate(padded, axis=1),
-    )
+class MetPaths(NamedTuple):
+    """Wheel paths as they are met in one direction, and the positions at which they are.
+
+    Attributes:
+        heights_m: (n_sample, n), of the wheel's centre, zero at both ends.
+        start_m: of the first height, from the weld's centre.
+        positions_m: (n_place,), the weld's centre after the sleeper.
+    """
+
+    heights_m: FloatArray
+    start_m: float
+    positions_m: FloatArray
 
 
-def places_over(
-    solver: SteadyStateSolver, paths_m: FloatArray, start_m: float, step_m: float, positions_m: FloatArray
-) -> Places:
-    """Return passages over several wheel paths, which share their samples' places.
+def places_over(solver: SteadyStateSolver, step_m: float, directions: Sequence[MetPaths]) -> Places:
+    """Return passages over several wheel paths, one direction after the other.
 
     Args:
         solver: with the grid of the span.
-        paths_m: (n_sample, n), heights of the wheel's centre, zero at both ends.
-        start_m: of the first height, from the weld's centre.
         step_m: between heights.
-        positions_m: (n_place,), the weld's centre after the sleeper.
+        directions: with the same samples.
     """
-    uneven = np.flatnonzero(paths_m.any(axis=0))
-    first, last = (max(0, uneven[0] - 1), uneven[-1] + 1) if len(uneven) else (0, 0)
-    starts = np.array([solver.start(position + start_m + step_m * first) for position in positions_m])
     long_m = solver.longest_stride * solver.grid_m
-    from_m = starts * solver.grid_m - positions_m
-    ends = np.ceil((start_m + step_m * last - from_m) / long_m).astype(np.int64)
-    heights = np.empty((len(paths_m), len(positions_m), int(ends.max()) + 1))
-    sampled_locally(paths_m, step_m, from_m - start_m, long_m, heights)
-    return Places(starts, ends, -heights)
+    begins = [_begins(solver, step_m, met) for met in directions]
+    ends = [np.ceil((end_m - from_m) / long_m).astype(np.int64) for _, from_m, end_m in begins]
+    samples, count = len(directions[0].heights_m), sum(len(met.positions_m) for met in directions)
+    irregularity = np.empty((samples, count, int(np.concatenate(ends).max()) + 1))
+    first = 0
+    for met, (_, from_m, _) in zip(directions, begins, strict=True):
+        sampled_locally(met.heights_m, step_m, from_m - met.start_m, long_m, first, irregularity)
+        first += len(from_m)
+    return Places(np.concatenate([starts for starts, _, _ in begins]), np.concatenate(ends), irregularity)
+
+
+def _begins(solver: SteadyStateSolver, step_m: float, met: MetPaths) -> tuple[NDArray[np.int64], FloatArray, float]:
+    """Return where passages begin, as points of the grid and from the weld's centre, and where the weld is behind."""
+    uneven = np.flatnonzero(met.heights_m.any(axis=0))
+    first, last = (max(0, uneven[0] - 1), uneven[-1] + 1) if len(uneven) else (0, 0)
+    starts = np.array([solver.start(position + met.start_m + step_m * first) for position in met.positions_m])
+    return starts, starts * solver.grid_m - met.positions_m, met.start_m + step_m * last
