@@ -127,6 +127,8 @@ def numbered(column: Column, names: Sequence[str], width: int) -> int:
 def units_row(heading: Heading | None, split: Split, width: int) -> list[str | None] | None:
     """Return the units in a row of their own below the heading, or, without a heading, above the rows."""
     for line, fields in split:
+        if fields and is_number(fields[0]):
+            continue
         units = [unit_of(part) for part in fields]
         if is_comment(line) and not all(units):
             continue

@@ -2,6 +2,7 @@
 
 import re
 from decimal import Decimal
+from functools import lru_cache
 
 from weld_force_ros.errors import ProfileError
 from weld_force_ros.measurement.text_file import quoted
@@ -34,8 +35,10 @@ _THOUSANDS = re.compile(r"(?<=\d)['’\u00a0\u202f](?=\d{3}(?!\d))")
 _KILOMETRE_PLUS = re.compile(r"(\d{1,4})\+(\d{3,4}(?:\.\d*)?)", re.ASCII)
 _MISSING = ("", "-", "--", "---", "nan", "n/a", "na", "#n/a", "null", "none", "bad", "*", "***", "?", "inf", "∞", "ol",
             "epäluku", "empty", "missing")  # fmt: skip
+_REMEMBERED = 2**14  # fields: a file's are looked at again and again
 
 
+@lru_cache(_REMEMBERED)
 def unit_of(text: str) -> str | None:
     """Return the unit of length that a text names, as a key of `METRES`, or None."""
     if _SIMPLE.fullmatch(text):
@@ -67,9 +70,10 @@ def is_missing(text: str, marks: tuple[str, ...] = ()) -> bool:
 
 def is_kilometre_plus(text: str) -> bool:
     """Return whether a position is a chainage in kilometres and metres, such as 12+345.678, which is in m as it is."""
-    return bool(_KILOMETRE_PLUS.fullmatch(plain_number(text, decimal_comma=True)))
+    return "+" in text and bool(_KILOMETRE_PLUS.fullmatch(plain_number(text, decimal_comma=True)))
 
 
+@lru_cache(_REMEMBERED)
 def is_number(text: str) -> bool:
     """Return whether a field is a number, with either decimal mark, or a chainage such as 12+345.678."""
     if _SIMPLE.fullmatch(text):

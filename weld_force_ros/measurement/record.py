@@ -137,6 +137,8 @@ def _differ_much(a: Sample, b: Sample) -> bool:
 
 def without_nines(record: Record) -> None:
     """Take numbers that are nothing but nines, far beyond all other heights, for marks of missing values."""
+    if not any(_ALL_NINES.fullmatch(text) for sample in record.samples for text in sample.texts):
+        return
     others = [
         float(z)
         for sample in record.samples

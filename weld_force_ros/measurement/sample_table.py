@@ -340,6 +340,8 @@ def _table(
 def _refuse_changing_unit(table: SampleTable, names: Sequence[str]) -> None:
     """Refuse heights whose unit stands in a column of its own and changes from row to row; take it if it does not."""
     for column in range(len(table.rows[0].fields)):
+        if unit_of(table.rows[0].fields[column]) is None:
+            continue
         cells = [unit_of(row.fields[column]) for row in table.rows]
         if not all(cells):
             continue
