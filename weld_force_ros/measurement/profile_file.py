@@ -1,8 +1,8 @@
 """Read and write measurement files: what an instrument wrote -> `messages.WeldProfile`.
 
-`text_file` makes lines of bytes, `sample_table` finds the rows, `statements` what the header states, `record` orders
-and mends the samples, `plausibility` refuses what no rail can have, `noise` estimates the geometry. This module
-composes them; joining to the rail and the wheel belong to the simulation.
+`text_file` makes lines of bytes, `file_records` finds their records (`sample_table` the rows, `statements` what the
+header states), `record` orders and mends the samples, `plausibility` refuses what no rail can have, `noise` estimates
+the geometry. This module composes them; joining to the rail and the wheel belong to the simulation.
 
 Numbers are handled as exact decimals and rounded to 1e-12 m, so that one geometry has one `profile_sha256` whatever
 units it was exported in. A file with `centre: 0`, `detrend: none` and `noise: none` asks for no change; its values are
@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
+from functools import cached_property
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -28,24 +29,20 @@ from msgspec import UNSET
 
 from weld_force_ros._files import whole_file
 from weld_force_ros.errors import ProfileError, os_errors_as
-from weld_force_ros.measurement import geometry, instruments, record, statements
+from weld_force_ros.measurement import geometry, record, statements
+from weld_force_ros.measurement.file_records import FileRecord, file_records
 from weld_force_ros.measurement.instruments import InstrumentFormat
-from weld_force_ros.measurement.numbers import in_metres, is_kilometre_plus, is_missing, number, plain_number, unit_of
 from weld_force_ros.measurement.record import Record, Sample
-from weld_force_ros.measurement.sample_table import SampleTable, find_tables
+from weld_force_ros.measurement.sample_table import SampleTable
 from weld_force_ros.measurement.statements import Stated
 from weld_force_ros.measurement.text_file import MAX_FILE_BYTES, TextFile, text_file
 from weld_force_ros.messages import (
-    MAX_PROFILE_LENGTH_M,
-    MAX_SAMPLES,
     WeldProfile,
     profile_problem,
     profile_sha256,
 )
 
-_FARTHEST_M = 10**7  # no chainage is longer; a number beyond it has the wrong unit
 _LONGEST_REASON = 300  # it may repeat what the file says
-_WIDEST_SPACING = 1e9  # in any unit
 _CHAINAGE_FROM_M = 50.0  # a position so far from zero is a chainage
 _RESOLUTION_M = Decimal("1e-12")
 _ESTIMATE_DECIMALS = 9
@@ -143,12 +140,7 @@ def parse_profiles(data: str | bytes, source: str, form: InstrumentFormat | None
         ProfileError: the text cannot be used; one line with the source, the line, and what to do.
     """
     raw = data.encode("utf-8", "surrogatepass") if isinstance(data, str) else bytes(data)
-    try:
-        with decimal.localcontext(_EXACT):
-            return _welds(raw, source, form)
-    except ProfileError as error:
-        reason = error.reason if len(error.reason) <= _LONGEST_REASON else error.reason[:_LONGEST_REASON] + "…"
-        raise ProfileError(f"{_printable(source)}: {_printable(reason)}", error.remedy) from None
+    return MeasurementFile(raw, form).welds(source)
 
 
 def is_complete(raw: bytes, form: InstrumentFormat | None = None) -> bool:
@@ -161,32 +153,68 @@ def is_complete(raw: bytes, form: InstrumentFormat | None = None) -> bool:
         raw: the content so far.
         form: as in `parse_profiles`.
     """
-    try:
-        file = text_file(raw, form.encoding if form else None)
+    return MeasurementFile(raw, form).is_complete
+
+
+class MeasurementFile:
+    """A measurement file's content: its records are read once, for whether it is all there and for its welds.
+
+    Args:
+        raw: the content so far.
+        form: as in `parse_profiles`.
+    """
+
+    def __init__(self, raw: bytes, form: InstrumentFormat | None = None) -> None:
+        self.raw = raw
+        self._stated = form
+
+    @cached_property
+    def _text(self) -> TextFile:
+        return text_file(self.raw, self._stated.encoding if self._stated else None)
+
+    @cached_property
+    def _records(self) -> tuple[list[FileRecord], InstrumentFormat]:
         with decimal.localcontext(_EXACT):
-            tables = _tables(file, form)[0]
-    except ProfileError:
-        return raw.startswith(b"PK")
-    _, samples, header = tables[-1]
-    first, last = samples[0].x, samples[-1].x
-    symmetric = first * last < 0 and abs(first + last) * 2 * len(samples) < abs(last - first)
-    return file.is_ended and ("samples" in header or tables[-1][0].footer > 0 or symmetric)
+            return file_records(self._text, self._stated)
 
-
-def _welds(raw: bytes, source: str, stated: InstrumentFormat | None) -> list[Understood]:
-    file = text_file(raw, stated.encoding if stated else None)
-    tables, form = _tables(file, stated)
-    digest = hashlib.sha256(raw).hexdigest()
-    stem = Path(source).stem[:190] or source[:190]
-    found = list[Understood]()
-    for count, (table, samples, header) in enumerate(tables, start=1):
-        name = stem if len(tables) == 1 else f"{stem}-{table.weld or count}"
+    @property
+    def is_complete(self) -> bool:
+        """Return what the function of this name does."""
         try:
-            found.append(_understood(table, samples, header, form, name, source, digest, file.notes))
+            records, _ = self._records
+        except ProfileError:
+            return self.raw.startswith(b"PK")
+        table, samples, header = records[-1]
+        first, last = samples[0].x, samples[-1].x
+        symmetric = first * last < 0 and abs(first + last) * 2 * len(samples) < abs(last - first)
+        return self._text.is_ended and ("samples" in header or table.footer > 0 or symmetric)
+
+    def welds(self, source: str) -> list[Understood]:
+        """Return what `parse_profiles` does; once, as the samples are mended in place.
+
+        Raises:
+            ProfileError: the text cannot be used; one line with the source, the line, and what to do.
+        """
+        try:
+            with decimal.localcontext(_EXACT):
+                return self._welds(source)
         except ProfileError as error:
-            where = "" if len(tables) == 1 else f"weld {table.weld or count}: "
-            raise ProfileError(f"{where}{error.reason}", error.remedy) from None
-    return _told_apart(found)
+            reason = error.reason if len(error.reason) <= _LONGEST_REASON else error.reason[:_LONGEST_REASON] + "…"
+            raise ProfileError(f"{_printable(source)}: {_printable(reason)}", error.remedy) from None
+
+    def _welds(self, source: str) -> list[Understood]:
+        records, form = self._records
+        digest = hashlib.sha256(self.raw).hexdigest()
+        stem = Path(source).stem[:190] or source[:190]
+        found = list[Understood]()
+        for count, (table, samples, header) in enumerate(records, start=1):
+            name = stem if len(records) == 1 else f"{stem}-{table.weld or count}"
+            try:
+                found.append(_understood(table, samples, header, form, name, source, digest, self._text.notes))
+            except ProfileError as error:
+                where = "" if len(records) == 1 else f"weld {table.weld or count}: "
+                raise ProfileError(f"{where}{error.reason}", error.remedy) from None
+        return _told_apart(found)
 
 
 def _told_apart(welds: list[Understood]) -> list[Understood]:
@@ -196,86 +224,6 @@ def _told_apart(welds: list[Understood]) -> list[Understood]:
         if named[weld.profile.weld_id] > 1:
             weld.profile.weld_id = f"{weld.profile.weld_id[:190]}-{count}"
     return welds
-
-
-def _tables(
-    file: TextFile, stated: InstrumentFormat | None
-) -> tuple[list[tuple[SampleTable, list[Sample], dict[str, Stated]]], InstrumentFormat]:
-    """Return the records of a file and the format by which it is read."""
-    form = stated or InstrumentFormat()
-    if form.name == InstrumentFormat().name:
-        known = instruments.recognised([line.text for line in file.lines])
-        if known is instruments.shipped()["weld-force"] and stated is not None:  # which needs no other layout
-            stated = msgspec.structs.replace(
-                stated, skip_rows=0, spacing=None, columns={}, separator=None, decimal=None
-            )
-        form = (known or InstrumentFormat()).with_statements(stated)
-    if form.refuse:
-        raise ProfileError(form.refuse, "export the heights along the rail")
-    return [
-        part for table in find_tables(file.lines, form, is_ended=file.is_ended) for part in _records(table, form)
-    ], form
-
-
-def _records(table: SampleTable, form: InstrumentFormat) -> list[tuple[SampleTable, list[Sample], dict[str, Stated]]]:
-    """Return the records of a table, each with its samples in m and what is stated of it."""
-    header = statements.statements(table.statements, form)
-    for key, unit in (("x_unit", table.x_unit), ("z_unit", table.z_unit), ("z_positive", table.z_positive)):
-        if unit is None:
-            continue
-        if key in header and (unit_of(header[key].text) or header[key].text.casefold()) != unit:
-            raise ProfileError(
-                f"{header[key].where}{key} {header[key].text}, but the heading of the column says {unit}",
-                "correct the one that is wrong",
-            )
-        header.setdefault(key, Stated(unit, ""))
-    header = statements.with_format(header, form)
-    samples = _samples(table, form, header)
-    if (count := header.get("samples")) and count.text.isdecimal() and int(count.text) != len(samples):
-        raise ProfileError(
-            f"{count.where}{count.text} samples announced, {len(samples)} are there", "the file is not complete"
-        )
-    records = []
-    for part in record.divide(samples):
-        if abs(part[-1].x - part[0].x) <= MAX_PROFILE_LENGTH_M:
-            records.append((table, part, header))
-            continue
-        length_m = abs(part[-1].x - part[0].x)
-        cut = replace(table, notes=[*table.notes, f"cut out of {length_m:.4g} m of rail"])
-        records += [(cut, weld, header) for weld in record.cut_into_welds(record.ordered(part).samples)]
-    return records
-
-
-def _samples(table: SampleTable, form: InstrumentFormat, header: Mapping[str, Stated]) -> list[Sample]:
-    if len(table.rows) > MAX_SAMPLES:
-        raise ProfileError(
-            f"{len(table.rows)} samples, at most {MAX_SAMPLES}", "give one weld a file, at 0.1 mm or coarser"
-        )
-    sign = -1 if form.x_direction == "against" else 1
-    step = None
-    if form.spacing is not None:
-        if not 0 < form.spacing <= _WIDEST_SPACING:
-            raise ProfileError(f"spacing {form.spacing:g} of the samples", "state it in x_unit, more than 0")
-        step = Decimal(str(form.spacing))
-    marks = tuple(form.missing)
-    found = []
-    for index, row in enumerate(table.rows):
-        where, unit = f"line {row.line}: ", header["x_unit"].text
-        if table.x is None or step is not None:
-            x = (step or Decimal(0)) * index
-        else:
-            text = row.fields[table.x]
-            x = number(text, where + "x", decimal_comma=table.x in table.decimal_comma)
-            unit = "m" if is_kilometre_plus(text) else unit
-        heights = list[Decimal | None]()
-        for column in table.z:
-            text = row.fields[column]
-            missing = is_missing(text, marks)
-            value = None if missing else number(text, where + "z", decimal_comma=column in table.decimal_comma)
-            heights.append(None if value is None else in_metres(value, header["z_unit"].text, where + "z"))
-        texts = [plain_number(row.fields[column], decimal_comma=column in table.decimal_comma) for column in table.z]
-        found.append(Sample(row.line, sign * in_metres(x, unit, where + "x"), heights, texts))
-    return found
 
 
 def _understood(

@@ -103,8 +103,8 @@ class LaneTables:
             results,
         )
         # The last sample fills what lanes are left.
-        found = results.reshape(-1, count, _SAMPLES, AT_ONCE, results.shape[2]).transpose(0, 2, 1, 3, 4)
-        found = found.reshape(-1, count, AT_ONCE, results.shape[2])[: len(samples)]
+        in_lanes = results.reshape(-1, count, _SAMPLES, AT_ONCE, results.shape[2]).transpose(0, 2, 1, 3, 4)
+        found: FloatArray = in_lanes.reshape(-1, count, AT_ONCE, results.shape[2])[: len(samples)]
         if low_passed:
             found = self._with_later(filters, places, speeds, found)
         shown = np.concatenate([found[..., :_SHOWN], found[..., 6:]], axis=3)

@@ -12,8 +12,8 @@ import watchfiles
 
 from weld_force_ros.measurement.profile_file import UNFINISHED
 
-BATCH_FILES = 256
-"""How many files are handed over in one call."""
+BATCH_FILES = 16
+"""How many files are handed over in one call: a simulator need not wait for all that are there."""
 
 _TICK_MS = 20
 _FULL_SCAN_S = 5.0  # events of network drives may never come, and a burst of them may overflow

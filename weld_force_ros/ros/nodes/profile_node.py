@@ -11,7 +11,7 @@ from rclpy.clock import Clock, ClockType
 
 from weld_force_ros.errors import InputError, MessageError
 from weld_force_ros.measurement.instruments import format_of
-from weld_force_ros.measurement.profile_file import is_complete, parse_profiles
+from weld_force_ros.measurement.profile_file import MeasurementFile
 from weld_force_ros.measurement.text_file import MAX_FILE_BYTES
 from weld_force_ros.messages import TOPICS, Inquiry, Rejection, Settled, WeldProfile, measurement_id
 from weld_force_ros.ros.contract_topics import ContractTopics
@@ -20,7 +20,6 @@ from weld_force_ros.ros.nodes.flow_control import FlowControl
 from weld_force_ros.ros.nodes.folder_watcher import FolderWatcher
 from weld_force_ros.ros.nodes.trolley_input import TrolleyInput
 
-_READ_AT_ONCE = 16  # files
 _STATEMENTS = ("format", "noise", "x_unit", "z_unit", "z_positive", "line_speed_kmh", "spacing", "skip_rows")
 
 
@@ -37,6 +36,7 @@ class ProfileNode(LifecycleNodeBase):
     def _configure(self, values: dict[str, Any]) -> None:
         folder = _folder(values["folder"])
         self._form = format_of(**{name: values[name] for name in _STATEMENTS})
+        self._complete: dict[Path, MeasurementFile] = {}
         self._stopping = threading.Event()
         self.topics = self._resources.enter_context(ContractTopics(self, [WeldProfile, Rejection, Inquiry]))
         settled_topic = self.resolve_topic_name(TOPICS[Settled].name)
@@ -94,27 +94,29 @@ class ProfileNode(LifecycleNodeBase):
 
     def _is_complete(self, path: Path) -> bool:
         try:
-            with path.open("rb") as file:
-                return is_complete(file.read(MAX_FILE_BYTES + 1), self._form)
+            measured = MeasurementFile(_content(path), self._form)
         except OSError:
             return True  # the reason is given when it is read
+        if measured.is_complete:
+            self._complete[path] = measured  # taken next
+        return measured.is_complete
 
     def _take(self, paths: Sequence[Path]) -> None:
-        for begin in range(0, len(paths), _READ_AT_ONCE):  # the simulator need not wait for all of them
-            outcomes: dict[str, WeldProfile | Rejection] = {}
-            for path in paths[begin : begin + _READ_AT_ONCE]:
-                if (content := self._read(path)) is not None:
-                    outcomes |= {str(outcome.profile_id): outcome for outcome in self._outcomes(*content)}
-            wanted = self._flow_control.without_outcome(list(outcomes))
-            for profile_id, outcome in outcomes.items():
-                if profile_id in wanted and not self._stopping.is_set():
-                    self._publish(outcome)
+        outcomes: dict[str, WeldProfile | Rejection] = {}
+        for path in paths:
+            if (read := self._read(path)) is not None:
+                outcomes |= {str(outcome.profile_id): outcome for outcome in self._outcomes(*read)}
+        self._complete.clear()
+        wanted = self._flow_control.without_outcome(list(outcomes))
+        for profile_id, outcome in outcomes.items():
+            if profile_id in wanted and not self._stopping.is_set():
+                self._publish(outcome)
 
-    def _read(self, path: Path) -> tuple[str, bytes] | None:
+    def _read(self, path: Path) -> tuple[str, MeasurementFile] | None:
         name = str(path.name).encode("utf-8", "replace").decode()
         try:
-            with path.open("rb") as file:
-                return name, file.read(MAX_FILE_BYTES + 1)
+            measured, known = MeasurementFile(_content(path), self._form), self._complete.get(path)
+            return name, known if known is not None and known.raw == measured.raw else measured
         except FileNotFoundError:
             return None
         except OSError as error:
@@ -124,11 +126,12 @@ class ProfileNode(LifecycleNodeBase):
             self.topics.reject(name, problem)
             return None
 
-    def _outcomes(self, name: str, content: bytes) -> list[WeldProfile | Rejection]:
+    def _outcomes(self, name: str, measured: MeasurementFile) -> list[WeldProfile | Rejection]:
         """Return the welds of a file, or why there are none; each with the identity of its measurement."""
+        content = measured.raw
         digest = hashlib.sha256(content).hexdigest()
         try:
-            welds = [understood.profile for understood in parse_profiles(content, name, self._form)]
+            welds = [understood.profile for understood in measured.welds(name)]
         except Exception as error:  # whatever is wrong with a file, it ends as a Rejection
             text = content.decode("utf-8", "replace")
             whole = digest if len(content) <= MAX_FILE_BYTES else UNSET
@@ -147,6 +150,11 @@ class ProfileNode(LifecycleNodeBase):
         except MessageError as error:
             if isinstance(outcome, WeldProfile):
                 self._flow_control.send(self.topics.rejection(outcome.source, error, "", profile_id=outcome.profile_id))
+
+
+def _content(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(MAX_FILE_BYTES + 1)
 
 
 def _folder(text: str) -> Path:
