@@ -48,6 +48,28 @@ def test_peaks_are_those_of_the_shortest_steps_and_a_long_run_out(
     assert found.min_force_n[0, 0] == pytest.approx(exact.min_force_n[0, 0], abs=4 * TOLERANCE * peak)
 
 
+@pytest.mark.skipif(not batch.USE_SIMD, reason="steps are those of lanes")
+@pytest.mark.parametrize("depth_um", [0, 1, 30, 200])
+def test_a_passage_without_filters_ends_sooner_and_finds_the_same(monkeypatch, depth_um):
+    steps: list[np.ndarray] = []
+    simulated = batch.SimdBatch._simulate
+
+    def noted(self, *arguments):
+        results = simulated(self, *arguments)
+        steps.append(results[..., 5])
+        return results
+
+    monkeypatch.setattr(batch.SimdBatch, "_simulate", noted)
+    track, shape = vehicle_track("bilbao", threads=1), cosine(0.25, depth_um * 1e-6)
+    speeds, positions = np.arange(60.0, 140.0, 5.0), [0.0, 0.2]
+    plain = track.peak_map(shape, speeds, positions)
+    filtered = track.peak_map(shape, speeds, positions, low_passed=True)
+    for name in ("peak_force_n", "peak_x_m", "min_force_n", "contact_loss_s"):
+        np.testing.assert_array_equal(getattr(plain, name), getattr(filtered, name))
+    own, through_filters = steps[0].sum(), steps[len(steps) // 2].sum()
+    assert own < 0.8 * through_filters if depth_um > 100 else own <= through_filters
+
+
 def test_a_sharp_shape_is_simulated_in_shorter_steps_than_a_smooth_one(monkeypatch):
     strides: list[int] = []
     made = batch.make_batch

@@ -22,6 +22,8 @@ QUIET = 0.25
 """Share of a margin that a transient may have through half a window, without filters.
 
 Half a window, 6.25 ms, sees 0.56 of a swing of 30 Hz even about its zero, and 0.9 of the wheelset's on the track.
+It counts where it is more than a negligible force: where the margin is none, the smooth rail's extremes may be the
+passage's, and they come once a span.
 """
 
 

@@ -205,7 +205,8 @@ def peaks_at_speed(passages: Passages, step: Propagation, smooth: SmoothRail, fi
             if n % CHECK_EVERY_STEPS > 0:
                 continue
             transient = max(transient, swing)
-            if swing > QUIET * min(top - smooth_high, smooth_low - least):
+            audible = QUIET * min(top - smooth_high, smooth_low - least)
+            if audible <= smooth.negligible_n or swing >= audible:
                 loud = max(loud, n)
             swing = 0.0
             quiet = n_filters == 0 and n >= loud + smooth.window // 2

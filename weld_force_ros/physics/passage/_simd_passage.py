@@ -387,15 +387,17 @@ def peaks_in_lanes(pairs: PlacePairs, blocks: SpeedBlocks, filters: Filters, phy
                 rise = load(working, _TOP) - load(smooth_high, 0)
                 fall = load(smooth_low, 0) - load(working, _LEAST)
                 audible = splat(QUIET) * where_greater(rise, fall, fall, rise)
-                store(working, _LOUD, where_greater(swing, audible, splat(float(n)), load(working, _LOUD)))
+                audible = where_greater(audible, splat(negligible_n), audible, zero)
+                store(working, _LOUD, where_greater(audible, swing, load(working, _LOUD), splat(float(n))))
             for lane in range(LANES):
                 if not active[lane] or n < quiet_checks[lane]:
                     continue
                 end, window, quiet = pairs.ends[i, lane // SPEEDS], blocks.windows[block, lane], False
                 if n_filters == 0:
-                    quiet_checks[lane] = max(end, int(working[_LOUD * LANES + lane])) + window // 2
-                    quiet = n >= quiet_checks[lane]
+                    quiet_from = max(end, int(working[_LOUD * LANES + lane])) + window // 2
+                    quiet = n >= quiet_from
                     if not quiet and n < next_checks[lane]:
+                        quiet_checks[lane] = min(quiet_from, next_checks[lane])
                         continue
                 seen = working[_TRANSIENT * LANES + lane]
                 a_span_behind, run_out_over = n >= end + n_grid, n >= end + blocks.run_outs[block, lane]
@@ -415,5 +417,5 @@ def peaks_in_lanes(pairs: PlacePairs, blocks: SpeedBlocks, filters: Filters, phy
                     _write_end(lane, n, working, filtered, levels, n_filters, results[i, lane])
                 else:
                     next_checks[lane] = n + window
-                    quiet_checks[lane] = quiet_checks[lane] if n_filters == 0 else next_checks[lane]
+                    quiet_checks[lane] = n + 1 if n_filters == 0 else next_checks[lane]
                     working[_TRANSIENT * LANES + lane] = 0.0
