@@ -13,7 +13,8 @@ from scipy.linalg import solve_banded
 from weld_force_ros.physics.engines.common_poles import PoleModel
 from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, WheelPath
-from weld_force_ros.physics.track.beam import Rail, Spring, Track
+from weld_force_ros.physics.track.beam import Rail, Track
+from weld_force_ros.physics.track.support import Spring
 
 
 def winkler_stiffness(bending_nm2: float, foundation_n_per_m2: float) -> float:
@@ -53,9 +54,9 @@ def chain_receptance(
         matrix = _beam_stiffness(track.rail, omega, float(length))
         for row, column in np.ndindex(4, 4):
             add(2 * left + row, 2 * left + column, matrix[row, column])
-    pad, ballast = spring_stiffness(track.pad, omega), spring_stiffness(track.ballast, omega)
+    pad, ballast = (spring_stiffness(spring, omega) for spring in track.support.springs)
     # The sleeper's own equation, eliminated: pad (u - y) carries y, (pad + ballast - m w^2) y = pad u.
-    support = pad - pad**2 / (pad + ballast - track.sleeper_mass_kg * omega**2)
+    support = pad - pad**2 / (pad + ballast - track.support.masses_kg[0] * omega**2)
     for x in supports:
         node = int(np.argmin(np.abs(nodes - x)))
         add(2 * node, 2 * node, support)

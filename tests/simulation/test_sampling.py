@@ -64,11 +64,11 @@ def test_samples_are_what_rolling_each_by_itself_gives():
     fitted = lru_cache(fit_store.make_poles)  # the same supports give the same fit
     for i in range(8):
         track = definition.track
-        pad, ballast = (
-            replace(layer, stiffness_n_per_m=layer.stiffness_n_per_m * float(draws.support_factor[i]))
-            for layer in (track.pad, track.ballast)
+        springs = tuple(
+            replace(spring, stiffness_n_per_m=spring.stiffness_n_per_m * float(draws.support_factor[i]))
+            for spring in track.support.springs
         )
-        stiffer = replace(definition, track=replace(track, pad=pad, ballast=ballast))
+        stiffer = replace(definition, track=replace(track, support=replace(track.support, springs=springs)))
         wheel = replace(
             definition.wheel, hertz_n_per_m15=definition.wheel.hertz_n_per_m15 * float(draws.hertz_factor[i])
         )

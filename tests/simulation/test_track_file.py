@@ -55,7 +55,7 @@ def test_users_file_is_read_into_si_units(tmp_path: Path):
     assert found.track.name == "tram"
     assert found.track.continuous
     assert found.text == CONTINUOUS
-    rail, pad, ballast = found.track.rail, found.track.pad, found.track.ballast
+    rail, (pad, ballast) = found.track.rail, found.track.support.springs
     assert (rail.mass_kg_per_m, rail.youngs_modulus_pa, rail.loss_factor) == (54.8, 210e9, 0.0)
     assert (rail.area_m2, rail.second_moment_m4) == pytest.approx((69.8e-4, 2337e-8))
     assert (pad.stiffness_n_per_m, pad.damping_ns_per_m, pad.loss_factor) == (90e6, 12e3, 0.0)

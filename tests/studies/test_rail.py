@@ -49,7 +49,7 @@ def test_rows_say_where_the_rails_part(studied):
 
 def test_either_rail_of_a_track_is_made_from_the_other():
     beam = track_file.load("bilbao")
-    strips = rail_study.with_strips(beam, section_file.load("54E1").dimensions)
+    strips = rail_study.with_strips(beam, section_file.outline_of("54E1"))
     assert isinstance(strips.track.rail, StripRail)
     assert rail_study.with_beam(strips).track == beam.track
 

@@ -19,13 +19,13 @@ from weld_force_ros import __version__, _files
 from weld_force_ros.physics.engines import rational_search
 from weld_force_ros.physics.engines.common_poles import BAND_HZ, REPORT_BANDS, PoleModel, default_fit, relative_error
 from weld_force_ros.physics.engines.rational_fractions import RfpModel
+from weld_force_ros.physics.track.beam import Track
 from weld_force_ros.physics.track.causality import acausal
+from weld_force_ros.physics.track.support import Spring, Support
 from weld_force_ros.simulation.track_file import TrackDefinition
 
 # Part of every fit's key: raise it when the fit of the same track would come out differently.
 FIT_VERSION = 2
-_LATER = ("pad_width_m",)
-"""Fields of a track that came later: left out where they say nothing, so that earlier keys hold."""
 
 FittedEngine = Literal["common-poles", "rfp"]
 
@@ -133,11 +133,22 @@ class _Interrupted(msgspec.Struct):
 
 def key_of(definition: TrackDefinition, engine: FittedEngine = "common-poles", searched: Search | None = None) -> str:
     """Return the identity of a fit: of the numbers it depends on, not of the text they came in."""
-    track = {name: value for name, value in asdict(definition.track).items() if name not in _LATER or value}
-    content = [FIT_VERSION, engine, track | {"name": ""}, asdict(definition.wheel)]
+    content = [FIT_VERSION, engine, _identity(definition.track), asdict(definition.wheel)]
     if engine == "rfp":
         content.append(msgspec.to_builtins(searched or Search()))
     return hashlib.sha256(msgspec.json.encode(content, order="sorted")).hexdigest()
+
+
+def _identity(track: Track) -> dict[str, Any]:
+    """Return what tells tracks apart, in the words of before a support was a chain: keys made then still hold."""
+    fields: dict[str, Any] = asdict(track) | {"name": ""}
+    if not track.pad_width_m:
+        del fields["pad_width_m"]
+    match track.support:
+        case Support(springs=(Spring() as pad, Spring() as ballast), masses_kg=(sleeper_mass_kg,)):
+            del fields["support"]
+            fields |= {"pad": asdict(pad), "sleeper_mass_kg": sleeper_mass_kg, "ballast": asdict(ballast)}
+    return fields
 
 
 @overload

@@ -15,7 +15,6 @@ from weld_force_ros.physics.passage.state_space import StateModel
 from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import wheel_path_over
 from weld_force_ros.physics.threads import executor
-from weld_force_ros.physics.track.beam import Spring
 from weld_force_ros.simulation import fit_store
 from weld_force_ros.simulation.few_passages import FewPassages, support_levels
 from weld_force_ros.simulation.force_map_view import Passages, RelevantMap, rounded
@@ -152,20 +151,10 @@ def _samples_by_stiffness(draws: Draws) -> Iterator[tuple[float, float, NDArray[
 
 
 def supported(definition: TrackDefinition, factor: float) -> TrackDefinition:
-    """Return the track with the stiffness of pads and ballast multiplied by a factor; their damping stays."""
+    """Return the track with the stiffness of every spring below its rail multiplied by a factor; dashpots stay."""
     if factor == 1.0:
         return definition
 
-    def stiffer(spring: Spring) -> Spring:
-        return replace(spring, stiffness_n_per_m=spring.stiffness_n_per_m * factor)
-
     track = definition.track
-    return replace(
-        definition,
-        track=replace(
-            track,
-            name=f"{track.name}, supports x {factor:.2f}",
-            pad=stiffer(track.pad),
-            ballast=stiffer(track.ballast),
-        ),
-    )
+    name = f"{track.name}, supports x {factor:.2f}"
+    return replace(definition, track=replace(track, name=name, support=track.support.stiffer(factor)))

@@ -16,6 +16,7 @@ from weld_force_ros.physics.track.outline import Dimensions
 _DATA = resources.files("weld_force_ros.data") / "sections"
 
 _Mm = Annotated[float, Meta(gt=0, le=1000)]
+_Figure = Annotated[float, Meta(gt=0, le=1e5)]
 _Slope = Annotated[float, Meta(gt=0.1, le=1e4)]
 
 
@@ -65,41 +66,58 @@ class _Foot(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Standard(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """The standard's own figures of a section."""
+    """The standard's own figures of a section; centroid and lateral second moment serve its outline only."""
 
-    mass_kg_per_m: float
-    area_cm2: float
-    centroid_mm: float
-    second_moment_cm4: float
-    lateral_second_moment_cm4: float
+    mass_kg_per_m: _Figure
+    area_cm2: _Figure
+    second_moment_cm4: _Figure
+    centroid_mm: _Figure | None = None
+    lateral_second_moment_cm4: _Figure | None = None
 
 
 class SectionFile(msgspec.Struct, forbid_unknown_fields=True):
-    """A rail section as its file states it."""
+    """A rail section as its file states it; its outline (height, head, web, foot) may be left out, but as a whole."""
 
     name: Annotated[str, Meta(min_length=1, max_length=60)]
     description: str
     source: str
-    height_mm: _Mm
-    head: _Head
-    web: _Web
-    foot: _Foot
     standard: Standard
+    height_mm: _Mm | None = None
+    head: _Head | None = None
+    web: _Web | None = None
+    foot: _Foot | None = None
 
 
 class SectionDefinition(msgspec.Struct, frozen=True):
-    """A rail section's dimensions, with its standard's own figures."""
+    """A rail section's dimensions, None if its outline is not known, with its standard's own figures."""
 
     name: str
     description: str
     source: str
-    dimensions: Dimensions
+    dimensions: Dimensions | None
     standard: Standard
 
 
 def shipped() -> list[str]:
     """Return the names of the bundled sections."""
     return sorted(f.name.removesuffix(".yaml") for f in _DATA.iterdir() if f.name.endswith(".yaml"))
+
+
+def drawn() -> list[str]:
+    """Return the names of the bundled sections whose outline is known, as finite strips need it."""
+    return [name for name in shipped() if load(name).dimensions is not None]
+
+
+def outline_of(name: str) -> Dimensions:
+    """Return the dimensions of a bundled section by name.
+
+    Raises:
+        TrackError: there is none of that name, or its outline is not known.
+    """
+    dimensions = load(name).dimensions
+    if dimensions is None:
+        raise TrackError(f"the outline of rail section {name!r} is not known", f"use {', '.join(drawn())}")
+    return dimensions
 
 
 @cache
@@ -131,11 +149,24 @@ def parse(text: bytes, source: str) -> SectionDefinition:
 
 
 def described(file: SectionFile) -> SectionDefinition:
-    """Return a section from what its file says."""
-    head, web, foot = file.head, file.web, file.foot
+    """Return a section from what its file says.
+
+    Raises:
+        ValueError: part of its outline is missing.
+    """
+    return SectionDefinition(file.name, file.description, file.source, _dimensions(file), file.standard)
+
+
+def _dimensions(file: SectionFile) -> Dimensions | None:
+    height_mm, head, web, foot = file.height_mm, file.head, file.web, file.foot
+    if height_mm is None or head is None or web is None or foot is None:
+        given = [name for name in ("height_mm", "head", "web", "foot") if getattr(file, name) is not None]
+        if given:
+            raise ValueError(f"{given[0]} without the rest of height_mm, head, web, foot")
+        return None
     fillets = (head.corner, web.upper_fillet, web.lower_fillet, foot.joint, foot.upper_corner, foot.lower_corner)
-    dimensions = Dimensions(
-        height_m=file.height_mm / 1e3,
+    return Dimensions(
+        height_m=height_mm / 1e3,
         crown=tuple((arc.radius_mm / 1e3, _metres(arc.half_width_mm)) for arc in head.crown),
         side_slope=head.side_slope,
         fishing=(head.fishing.height_at_axis_mm / 1e3, head.fishing.slope),
@@ -145,7 +176,6 @@ def described(file: SectionFile) -> SectionDefinition:
         foot_width_m=foot.width_mm / 1e3,
         fillets=tuple(tuple((arc.radius_mm / 1e3, _radians(arc.turn_deg)) for arc in arcs) for arcs in fillets),
     )
-    return SectionDefinition(file.name, file.description, file.source, dimensions, file.standard)
 
 
 def _metres(mm: float | None) -> float | None:

@@ -69,7 +69,8 @@ class Simulator:
         # The text, not the name: a recording then holds all that its replay needs.
         definition = track_file.parse(settings.track_definition, settings.track)
         wheel = Wheel(settings.wheel_mass_kg, settings.static_load_n, settings.wheel_radius_m, settings.hertz_n_per_m15)
-        self._span_m, self._pad_n_per_m = definition.track.spacing_m, definition.track.pad.stiffness_n_per_m
+        self._span_m = definition.track.spacing_m
+        self._pad_n_per_m = definition.track.support.pad.stiffness_n_per_m
         self.vehicle_track: VehicleTrackModel | GreensFunctionModel
         if settings.engine == "reference":
             self.vehicle_track = GreensFunctionModel(definition.track, wheel, threads=threads)

@@ -69,7 +69,7 @@ def run(
     beam = with_beam(given)
     strips = given
     if not isinstance(given.track.rail, StripRail):
-        strips = with_strips(given, section_file.load(section).dimensions)
+        strips = with_strips(given, section_file.outline_of(section))
     frequency_hz = np.arange(_STEP_HZ, HIGHEST_HZ + 1, _STEP_HZ * (5 if coarse else 1))
     advance = start_progress("waves and receptances", 4)
     waves = {name: _wavenumbers(one.track.rail, frequency_hz) for name, one in _both(beam, strips)}

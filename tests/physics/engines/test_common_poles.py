@@ -11,7 +11,8 @@ from weld_force_ros.physics.engines.common_poles import (
     fit_track,
     relative_error,
 )
-from weld_force_ros.physics.track.beam import Rail, Spring, Track, receptance, static_compliance
+from weld_force_ros.physics.track.beam import Rail, Track, receptance, static_compliance
+from weld_force_ros.physics.track.support import Spring, Support
 from weld_force_ros.simulation import fit_store, track_file
 from weld_force_ros.simulation.track_file import TrackDefinition
 
@@ -52,9 +53,8 @@ def test_any_tracks_poles_are_stable_and_its_static_deflection_exact(
     pad: float, pad_loss: float, ballast: float, ballast_damping: float, sleeper: float, order: int
 ):
     rail = Rail(60.21, 76.7e-4, 3038.3e-8, 210e9, 81e9, 0.4, 0.01)
-    track = Track(
-        "any", rail, Spring(pad * 1e6, pad_loss), sleeper, Spring(ballast * 1e6, 0.0, ballast_damping * 1e3), 0.6
-    )
+    springs = Spring(pad * 1e6, pad_loss), Spring(ballast * 1e6, 0.0, ballast_damping * 1e3)
+    track = Track("any", rail, Support(springs, (sleeper,)), 0.6)
     model = fit_track(track, lambda omega: 1e-9 - 1 / (600.0 * omega**2) + 0j, order, section_count=6)
     assert model.order == order
     assert np.all(model.poles_rad_s.real < 0)

@@ -73,7 +73,7 @@ def test_a_slow_wheel_on_continuous_support_rests_in_the_winkler_hollow():
     definition = track_file.load("bilbao-continuous")
     history = GreensFunctionModel(definition.track, definition.wheel).history(SMOOTH, 60.0, 0.0)
     rail, load = definition.track.rail, definition.wheel.static_load_n
-    pad, ballast = definition.track.pad.stiffness_n_per_m, definition.track.ballast.stiffness_n_per_m
+    pad, ballast = (spring.stiffness_n_per_m for spring in definition.track.support.springs)
     foundation = pad * ballast / (pad + ballast) / definition.track.spacing_m
     bending = rail.youngs_modulus_pa * rail.second_moment_m4
     shear = rail.shear_coefficient * rail.shear_modulus_pa * rail.area_m2

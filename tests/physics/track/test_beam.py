@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from tests.harness.oracles import chain_receptance, free_euler_beam_receptance, winkler_stiffness
 from weld_force_ros.physics.track.beam import (
-    Spring,
     Track,
     pinned_pinned_hz,
     receptance,
@@ -15,6 +14,7 @@ from weld_force_ros.physics.track.beam import (
     static_compliance,
     transfer_receptance,
 )
+from weld_force_ros.physics.track.support import Spring, Support
 from weld_force_ros.simulation import track_file
 
 BILBAO = track_file.load("bilbao").track
@@ -28,7 +28,7 @@ every_track = pytest.mark.parametrize("track", [BILBAO, CONTINUOUS, NIELSEN], id
 
 
 def test_shear_stiff_continuous_track_is_a_winkler_beam():
-    pad, ballast = BILBAO.pad.stiffness_n_per_m, BILBAO.ballast.stiffness_n_per_m
+    pad, ballast = (spring.stiffness_n_per_m for spring in BILBAO.support.springs)
     foundation = pad * ballast / (pad + ballast) / BILBAO.spacing_m
     bending = EULER_RAIL.youngs_modulus_pa * EULER_RAIL.second_moment_m4
     track = replace(CONTINUOUS, rail=EULER_RAIL)
@@ -38,8 +38,7 @@ def test_shear_stiff_continuous_track_is_a_winkler_beam():
 @pytest.mark.parametrize("continuous", [True, False])
 def test_rail_on_vanishing_support_is_a_free_infinite_beam(continuous: bool):
     rail = replace(EULER_RAIL, loss_factor=0.02)
-    nothing = Spring(1e-3, loss_factor=0.1)
-    track = Track("free", rail, nothing, 1.0, nothing, 0.6, continuous)
+    track = Track("free", rail, Support((Spring(1e-3, loss_factor=0.1),)), 0.6, continuous)
     distance = np.array([0.0, 0.2, 0.7, 1.9, -1.3])
     exact = free_euler_beam_receptance(rail, 2 * np.pi * 60.0, distance)
     found = transfer_receptance(track, [60.0], 0.25 + distance, 0.25)[:, 0]
@@ -90,8 +89,8 @@ def test_static_compliance_is_the_undamped_limit(track: Track):
 
 
 def test_rail_over_stiff_supports_resonates_at_the_pinned_pinned_frequency():
-    rigid = Spring(1e12, loss_factor=1e-3)
-    track = replace(NIELSEN, pad=rigid, ballast=rigid, rail=replace(NIELSEN.rail, loss_factor=1e-4))
+    rigid = Support((Spring(1e12, loss_factor=1e-3),))
+    track = replace(NIELSEN, support=rigid, rail=replace(NIELSEN.rail, loss_factor=1e-4))
     frequency = np.arange(850.0, 1000.0, 0.5)
     response = np.abs(receptance(track, frequency, [track.spacing_m / 2])[0])
     assert frequency[response.argmax()] == pytest.approx(pinned_pinned_hz(track), abs=1.0)
@@ -105,4 +104,5 @@ def test_sections_divide_the_span_and_a_continuous_track_needs_one():
 def test_only_dashpots_in_both_layers_are_causal():
     assert NIELSEN.causal
     assert not BILBAO.causal
-    assert not replace(NIELSEN, pad=Spring(1e8, loss_factor=0.1)).causal
+    lossy = Support((Spring(1e8, loss_factor=0.1), NIELSEN.support.springs[1]), NIELSEN.support.masses_kg)
+    assert not replace(NIELSEN, support=lossy).causal

@@ -112,10 +112,10 @@ def test_bars_waves_at_low_frequency_are_the_textbooks():
     assert len(found) == 4
 
 
-@pytest.mark.parametrize("name", section_file.shipped())
+@pytest.mark.parametrize("name", section_file.drawn())
 def test_section_is_the_standards(name):
     found, standard = (
-        rail_mesh(outline(section_file.load(name).dimensions), refine=REFINE),
+        rail_mesh(outline(section_file.outline_of(name)), refine=REFINE),
         section_file.load(name).standard,
     )
     assert found.area_m2 * 1e4 == pytest.approx(standard.area_cm2, rel=3e-3)
@@ -125,7 +125,7 @@ def test_section_is_the_standards(name):
 
 
 def test_worn_head_loses_what_was_worn():
-    dimensions = section_file.load("60E1").dimensions
+    dimensions = section_file.outline_of("60E1")
     new, worn = outline(dimensions), outline(dimensions, wear_m=3e-3)
     assert worn.points_m[0, 1] == pytest.approx(new.points_m[0, 1] - 3e-3)
     lost_m2 = new.area_m2 - worn.area_m2
@@ -135,7 +135,7 @@ def test_worn_head_loses_what_was_worn():
 
 
 def test_rigid_motion_costs_nothing_and_weighs_what_the_rail_weighs():
-    mesh = rail_mesh(outline(section_file.load("60E1").dimensions), half=False)
+    mesh = rail_mesh(outline(section_file.outline_of("60E1")), half=False)
     m = mesh.matrices(STEEL.lame_pa, STEEL.shear_modulus_pa)
     y, z = mesh.nodes
     lifted = np.concatenate([np.zeros_like(y), np.ones_like(y)])
@@ -158,7 +158,7 @@ def harmonic(mesh: Mesh, head: np.ndarray, k: float, frequency_hz: float) -> np.
 
 @pytest.mark.parametrize(("k", "frequency_hz"), [(3.0, 100.0), (12.0, 2500.0), (80.0, 4000.0)])
 def test_symmetric_section_moves_upwards_under_a_force_in_its_axis(k, frequency_hz):
-    shape = outline(section_file.load("60E1").dimensions)
+    shape = outline(section_file.outline_of("60E1"))
     head_m = part_heights(shape)[1]
     responses = []
     for half in (True, False):
@@ -198,7 +198,7 @@ def test_bad_section_file_is_refused_with_one_line(old, new, said):
 @pytest.mark.parametrize("change", [{"web_m": 0.2}, {"foot_top": (0.2, 2.75)}, {"fishing": (0.02, 2.75)}])
 def test_dimensions_that_make_no_section_are_refused(change):
     with pytest.raises(InputError, match="crosses itself"):
-        outline(replace(section_file.load("60E1").dimensions, **change))
+        outline(replace(section_file.outline_of("60E1"), **change))
 
 
 @pytest.mark.parametrize(
@@ -208,9 +208,9 @@ def test_dimensions_that_make_no_section_are_refused(change):
         {"crown": ((0.3, 0.02), (0.08, 0.01), (0.013, None))},
         {"crown": ((0.3, 0.01), (0.08, None), (0.013, None))},
         {"crown": ((0.3, 0.01), (0.013, 0.036))},
-        {"fillets": (((0.003, 0.5),), *section_file.load("60E1").dimensions.fillets[1:])},
+        {"fillets": (((0.003, 0.5),), *section_file.outline_of("60E1").fillets[1:])},
     ],
 )
 def test_arcs_that_lead_nowhere_are_refused(change):
     with pytest.raises(InputError, match=r"crown|fillet"):
-        outline(replace(section_file.load("60E1").dimensions, **change))
+        outline(replace(section_file.outline_of("60E1"), **change))

@@ -21,7 +21,7 @@ from weld_force_ros.simulation import section_file, track_file
 
 pytestmark = pytest.mark.slow
 
-SECTION = section_file.load("60E1").dimensions
+SECTION = section_file.outline_of("60E1")
 
 
 def with_strips(track: Track, pad_width_m: float = 0.0, wear_m: float = 0.0) -> Track:
@@ -55,7 +55,7 @@ def test_receptance_is_the_beams_at_low_frequency(bilbao):
 def by_mesh(track: Track, frequency_hz: np.ndarray, at_m: np.ndarray, refine: int) -> np.ndarray:
     """Point receptance (n_at, n_frequency) with a mesh whose elements are divided."""
     omega = 2 * np.pi * frequency_hz + 0j
-    pad, below = track.pad.dynamic_stiffness(omega), track.stiffness_below_pad(omega)
+    pad, below = track.support.pad.dynamic_stiffness(omega), track.support.stiffness_below_pad(omega)
     waves = SupportedWaves(free_rail(track, refine).waves(omega), track.spacing_m, pad, below, track.pad_width_m)
     return (waves.strength[:, None] * waves.shape(at_m) * waves.shape(-at_m)).sum(axis=0)
 
@@ -76,7 +76,7 @@ def brute_force(track: Track, frequency_hz: np.ndarray, at_m: float, force_at_m:
     places, shares = np.polynomial.legendre.leggauss(4 if track.pad_width_m else 1)
     held = (np.arange(-spans, spans + 1)[:, None] * track.spacing_m + places * track.pad_width_m / 2).ravel()
     shares = shares / 2
-    pad, below = track.pad.dynamic_stiffness(omega), track.stiffness_below_pad(omega)
+    pad, below = track.support.pad.dynamic_stiffness(omega), track.support.stiffness_below_pad(omega)
     own = free.foot_foot(np.abs(held[:, None] - held))
     seen, driven = (free.head_foot(np.abs(held - x)) for x in (at_m, force_at_m))
     direct = free.head_head(np.array(abs(at_m - force_at_m)))

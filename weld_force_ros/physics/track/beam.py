@@ -1,7 +1,7 @@
 """Track receptance in the frequency domain: a Timoshenko rail on periodic or continuous support, exactly.
 
-Displacement per force, exp(+i w t), positive in the direction of the force. The rail is infinite; its supports (pad,
-sleeper mass, ballast in series) react with vertical forces only.
+Displacement per force, exp(+i w t), positive in the direction of the force. The rail is infinite; its supports
+(`weld_force_ros.physics.track.support`) react with vertical forces only.
 
 Periodic support is solved in closed form. The free rail answers a force with two waves, g(x) = sum_j A_j exp(-k_j |x|).
 A Floquet wave of the supported rail is the sum over all supports of their reactions, each lambda times the one before,
@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from weld_force_ros.physics.arrays import ComplexArray as ComplexArray
 from weld_force_ros.physics.arrays import FloatArray as FloatArray
 from weld_force_ros.physics.track.outline import Dimensions
+from weld_force_ros.physics.track.support import Support
 
 # Strips are imported where they are used: scikit-fem and what it needs would double the time until a command starts.
 if TYPE_CHECKING:
@@ -75,24 +76,6 @@ class StripRail(Rail):
 
 
 @dataclass(frozen=True)
-class Spring:
-    """A pad or ballast under one rail: k (1 + i eta) + i w c."""
-
-    stiffness_n_per_m: float
-    loss_factor: float = 0.0
-    damping_ns_per_m: float = 0.0
-
-    def dynamic_stiffness(self, omega: FloatArray | ComplexArray) -> ComplexArray:
-        """Return the complex stiffness in N/m, shape of `omega` (rad/s)."""
-        damping = self.stiffness_n_per_m * self.loss_factor + omega * self.damping_ns_per_m
-        return np.asarray(self.stiffness_n_per_m + 1j * damping)
-
-    def undamped(self) -> "Spring":
-        """Return the the same stiffness without loss."""
-        return Spring(self.stiffness_n_per_m)
-
-
-@dataclass(frozen=True)
 class Track:
     """A rail on supports `spacing_m` apart, or, if `continuous`, on the same supports smeared over that spacing.
 
@@ -101,32 +84,19 @@ class Track:
 
     name: str
     rail: Rail
-    pad: Spring
-    sleeper_mass_kg: float
-    ballast: Spring
+    support: Support
     spacing_m: float
     continuous: bool = False
     pad_width_m: float = 0.0
 
     def undamped(self) -> "Track":
-        """Return the the same track without any loss."""
-        return replace(
-            self, rail=replace(self.rail, loss_factor=0.0), pad=self.pad.undamped(), ballast=self.ballast.undamped()
-        )
+        """Return the same track without any loss."""
+        return replace(self, rail=replace(self.rail, loss_factor=0.0), support=self.support.undamped())
 
     @property
     def causal(self) -> bool:
-        """Return whether damping is viscous in both layers; a loss factor has no causal impulse response."""
-        return self.pad.loss_factor == 0.0 and self.ballast.loss_factor == 0.0
-
-    def support_stiffness(self, omega: FloatArray | ComplexArray) -> ComplexArray:
-        """Return the dynamic stiffness of one support seen by the rail, N/m."""
-        pad, below = self.pad.dynamic_stiffness(omega), self.stiffness_below_pad(omega)
-        return np.asarray(pad * below / (pad + below))
-
-    def stiffness_below_pad(self, omega: FloatArray | ComplexArray) -> ComplexArray:
-        """Return the dynamic stiffness of sleeper and ballast, N/m."""
-        return np.asarray(self.ballast.dynamic_stiffness(omega) - self.sleeper_mass_kg * omega**2)
+        """Return whether every layer of the support is."""
+        return self.support.causal
 
 
 def receptance(track: Track, frequency_hz: ArrayLike, at_m: ArrayLike, *, threads: int | None = None) -> ComplexArray:
@@ -231,7 +201,7 @@ class Waves(Protocol):
     multiplier: ComplexArray
 
     def shape(self, x_m: FloatArray) -> ComplexArray:
-        """Return the the waves that decay towards +x: (n_wave, n_x, n_frequency)."""
+        """Return the waves that decay towards +x: (n_wave, n_x, n_frequency)."""
 
 
 def waves(track: Track, omega: FloatArray | ComplexArray, *, threads: int | None = None) -> Waves:
@@ -246,7 +216,7 @@ def waves(track: Track, omega: FloatArray | ComplexArray, *, threads: int | None
         # Remembered, as fits ask for the same frequencies again and again.
         return _strip_waves(track, track.rail, np.asarray(omega, dtype=np.complex128).tobytes(), threads)
     if track.continuous:
-        return _RailWaves(track.rail, omega, track.spacing_m, track.support_stiffness(omega) / track.spacing_m)
+        return _RailWaves(track.rail, omega, track.spacing_m, track.support.dynamic_stiffness(omega) / track.spacing_m)
     return _FloquetWaves(track, omega)
 
 
@@ -256,9 +226,9 @@ def _strip_waves(track: Track, rail: StripRail, frequencies: bytes, threads: int
 
     free, omega = rail.free, np.frombuffer(frequencies, dtype=np.complex128)
     if track.continuous:
-        foundation = track.support_stiffness(omega) / track.spacing_m
+        foundation = track.support.dynamic_stiffness(omega) / track.spacing_m
         return WavesAlong(free.waves(omega, foundation, threads=threads), track.spacing_m)
-    pad, below = track.pad.dynamic_stiffness(omega), track.stiffness_below_pad(omega)
+    pad, below = track.support.pad.dynamic_stiffness(omega), track.support.stiffness_below_pad(omega)
     return SupportedWaves(free.waves(omega, threads=threads), track.spacing_m, pad, below, track.pad_width_m)
 
 
@@ -312,7 +282,7 @@ class _FloquetWaves:
     def __init__(self, track: Track, omega: FloatArray | ComplexArray) -> None:
         self.span_m = track.spacing_m
         self.rail = _RailWaves(track.rail, omega, track.spacing_m)
-        support = track.support_stiffness(omega)
+        support = track.support.dynamic_stiffness(omega)
         (a1, a2), (k1, k2) = self.rail.strength, self.rail.decay * self.span_m
         c1, c2, s1, s2 = np.cosh(k1), np.cosh(k2), np.sinh(k1), np.sinh(k2)
         # 1 + support sum_j A_j s_j / (c_j - c) = 0, c = cosh(mu)
