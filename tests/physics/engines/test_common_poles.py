@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from weld_force_ros.physics.engines.common_poles import (
+    ORDERS,
     PoleModel,
     common_poles,
     default_fit,
@@ -14,6 +15,7 @@ from weld_force_ros.physics.engines.common_poles import (
 from weld_force_ros.physics.track.beam import Rail, Track, receptance, static_compliance
 from weld_force_ros.physics.track.support import Spring, Support
 from weld_force_ros.simulation import fit_store, track_file
+from weld_force_ros.simulation.sampling import supported
 from weld_force_ros.simulation.track_file import TrackDefinition
 
 every_track = pytest.mark.parametrize("name", track_file.shipped())
@@ -83,7 +85,8 @@ def test_shipped_fit_is_stable_and_settles_at_the_exact_deflection(name: str, de
     model, track = fit_store.fitted(definitions[name]).model(), definitions[name].track
     assert np.all(model.poles_rad_s.real < 0)
     at = np.linspace(0.0, track.spacing_m, 101)
-    np.testing.assert_allclose(model.static_compliance(at), static_compliance(track, at), rtol=1e-3)
+    # Between sections: the kink over a sleeper, the sharper the stiffer the track.
+    np.testing.assert_allclose(model.static_compliance(at), static_compliance(track, at), rtol=1.5e-3)
 
 
 @pytest.mark.parametrize("name", ["johansson-nielsen", "bilbao-viscous"])
@@ -139,3 +142,15 @@ def test_order_counts_a_pair_as_two_states():
     assert model.order == 3
     # 1/3 from the real pole, 2 Re(1 / (1 - 5i)) = 2/26 from the pair
     assert model.static_compliance(0.1)[0] == pytest.approx(1 / 3 + 2 / 26)
+
+
+def test_a_causal_track_gets_its_best_order_where_none_is_good_enough():
+    """Of this one ten poles bring a fifteenth of the error of eight, sixteen take six sevenths of it away."""
+    definition = supported(track_file.load("bilbao-viscous"), 1.38)
+    compliance = definition.wheel.compliance
+    chosen = default_fit(definition.track, compliance)
+    errors = [relative_error(fit_track(definition.track, compliance, order), definition.track, compliance)
+              for order in ORDERS]  # fmt: skip
+    assert errors[1] > 0.75 * errors[0] > 0.02
+    assert min(errors) > 0.005
+    assert relative_error(chosen, definition.track, compliance) == pytest.approx(min(errors))

@@ -317,17 +317,20 @@ def relative_error(
 
 
 def default_fit(track: Track, contact_compliance: Callable[[FloatArray], ComplexArray]) -> PoleModel:
-    """Return the the fit of the lowest order that is good enough, or that more poles hardly improve.
+    """Return the fit of the lowest order that is good enough; if none is, the best, or what more poles hardly improve.
 
     Good enough is a contact-weighted error of half a per cent. No causal model reproduces a loss factor, so on
     hysteretic tracks no order gets there; then it is the lowest order, from the paper's eight up, that two more poles
     would not improve by a quarter: beyond it, poles chase the part of the receptance that lies before time zero.
+    Causal tracks have no such part: two poles may bring nothing that four do.
     """
     fits = [fit_track(track, contact_compliance, order) for order in ORDERS]
     errors = [relative_error(model, track, contact_compliance) for model in fits]
     for model, error in zip(fits, errors, strict=True):
         if error <= _GOOD_ENOUGH:
             return model
+    if track.causal:
+        return fits[int(np.argmin(errors))]
     for model, error, next_error in zip(fits, errors, errors[1:], strict=False):
         if next_error > 0.75 * error:
             return model
