@@ -1,6 +1,8 @@
 """Searched fits on disk and by command: resumed, reproduced from their seed, written with picture."""
 
 import json
+from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 
 import msgspec
@@ -10,6 +12,7 @@ import pytest
 
 from weld_force_ros.cli.main import main
 from weld_force_ros.physics.track.beam import sections, static_compliance
+from weld_force_ros.physics.track.support import Support, TabulatedSpring
 from weld_force_ros.simulation import fit_store, track_file
 from weld_force_ros.simulation.few_passages import support_levels
 from weld_force_ros.simulation.sampling import supported
@@ -81,8 +84,36 @@ def test_a_fit_that_cannot_be_is_one_line(cache: Path, options: list[str], capfd
     assert (out, err.count("\n")) == ("", 1)
 
 
-@pytest.mark.parametrize("name", track_file.shipped())
-@pytest.mark.parametrize("engine", ["common-poles", "rfp"])
+PAPERS = ["bilbao", "bilbao-continuous", "bilbao-viscous", "johansson-nielsen"]
+"""Tracks of the paper, whose keys are those of before supports were chains."""
+
+
+def test_keys_of_before_supports_were_chains_still_hold():
+    """The files were written then; a key that they do not hold would make every user fit anew."""
+    folder = resources.files("weld_force_ros.data") / "fits"
+    for name in PAPERS:
+        stored = json.loads((folder / f"{name}.common-poles.json").read_bytes())["key"]
+        assert fit_store.key_of(track_file.load(name)) == stored
+
+
+def test_key_tells_chains_apart():
+    definition = track_file.load("johansson-nielsen")
+    pad, ballast = definition.track.support.springs
+    supports = [
+        definition.track.support,
+        Support((pad,)),
+        Support((pad, ballast, ballast), (125.0, 125.0)),
+        Support((TabulatedSpring(((1.0, 1e8, 0.1), (10.0, 1e8, 0.1))), ballast), (125.0,)),
+        Support((TabulatedSpring(((1.0, 1e8, 0.1), (10.0, 1e8, 0.2))), ballast), (125.0,)),
+    ]
+    keys = {fit_store.key_of(replace(definition, track=replace(definition.track, support=one))) for one in supports}
+    assert len(keys) == len(supports)
+
+
+@pytest.mark.parametrize(
+    ("name", "engine"),
+    [(name, "common-poles") for name in track_file.shipped()] + [(name, "rfp") for name in PAPERS],
+)
 def test_shipped_fits_hold_the_exact_static_stiffness_of_every_section(name: str, engine: str, cache: Path):
     definition = track_file.load(name)
     model = fit_store.fitted(definition, engine).model()

@@ -9,7 +9,8 @@ import pytest
 import yaml
 
 from weld_force_ros.errors import InputError, TrackError
-from weld_force_ros.simulation import fit_store, track_file
+from weld_force_ros.physics.track.support import Spring, Support, TabulatedSpring
+from weld_force_ros.simulation import fit_store, section_file, track_file
 
 BILBAO = track_file.load("bilbao").text
 
@@ -28,6 +29,22 @@ supports:
   pad: {stiffness_kn_per_mm: 90, damping_kns_per_m: 12}
   half_sleeper_mass_kg: 110
   ballast: {stiffness_kn_per_mm: 70, loss_factor: 0.4, damping_kns_per_m: 3}
+wheel: {mass_kg: 500, static_load_kn: 55, radius_m: 0.33, hertz_gn_per_m15: 88}
+"""
+
+
+LAYERED = """
+name: three layers
+rail: {section: 136RE}
+supports:
+  kind: periodic
+  spacing_m: 0.6
+  layers:
+    - spring: {table: [[10, 90, 0.1], [1000, 120, 0.2]]}
+    - mass_kg: 150
+    - spring: {stiffness_kn_per_mm: 60, damping_kns_per_m: 30}
+    - mass_kg: {value: 0, source: none}
+    - spring: {stiffness_kn_per_mm: 120, loss_factor: 1}
 wheel: {mass_kg: 500, static_load_kn: 55, radius_m: 0.33, hertz_gn_per_m15: 88}
 """
 
@@ -63,11 +80,110 @@ def test_users_file_is_read_into_si_units(tmp_path: Path):
     assert (found.wheel.mass_kg, found.wheel.static_load_n, found.wheel.hertz_n_per_m15) == (500, 55e3, 88e9)
 
 
+def test_layers_are_read_from_rail_to_ground():
+    support = track_file.parse(LAYERED, "mine").track.support
+    assert support == Support(
+        (
+            TabulatedSpring(((10.0, 90e6, 0.1), (1000.0, 120e6, 0.2))),
+            Spring(60e6, 0.0, 30e3),
+            Spring(120e6, 1.0),
+        ),
+        (150.0, 0.0),
+    )
+
+
+def test_a_sleeper_between_two_springs_is_the_same_track_in_either_form():
+    text = track_file.load("johansson-nielsen").text
+    lines, start = text.splitlines(), text.splitlines().index("  pad:")
+    layers = """  layers:
+    - spring: {stiffness_kn_per_mm: 120, damping_kns_per_m: 16}
+    - mass_kg: 125
+    - spring: {stiffness_kn_per_mm: 140, damping_kns_per_m: 165}""".splitlines()
+    rewritten = "\n".join([*lines[:start], *layers, *lines[lines.index("wheel:") :]])
+    ours, theirs = track_file.parse(rewritten, "mine"), track_file.load("johansson-nielsen")
+    assert ours.track == theirs.track
+    assert fit_store.key_of(ours) == fit_store.key_of(theirs)
+
+
+@pytest.mark.parametrize(
+    ("name", "mass_kg_per_m", "area_cm2", "second_moment_cm4"),
+    [
+        ("60E1", 60.21, 76.70, 3038.3),
+        ("60E2", 60.03, 76.48, 3022),
+        ("54E1", 54.77, 69.77, 2337.9),
+        ("54E2", 53.82, 68.56, 2307.6),
+        ("49E1", 49.39, 62.92, 1816),
+        ("50E6", 50.90, 64.84, 2017.8),
+        ("46E1", 46.17, 58.82, 1641.1),
+        ("56E1", 56.30, 71.69, 2321),
+        # of North America, by hand from lb/yd, square inches and inches to the fourth
+        ("136RE", 136 * 0.45359237 / 0.9144, 13.32 * 2.54**2, 94.9 * 2.54**4),
+        ("132RE", 131.6622 * 0.45359237 / 0.9144, 12.9124 * 2.54**2, 87.9 * 2.54**4),
+        ("115RE", 114.3757 * 0.45359237 / 0.9144, 11.2171 * 2.54**2, 65.5 * 2.54**4),
+        ("CHN60", 60.64, 77.45, 3217),
+        ("CHN50", 51.514, 65.8, 2037),
+        ("R65", 64.72, 82.65, 3540),
+        ("AS60", 60.6, 77.25, 2930),
+        ("AS50", 50.64, 64.51, 2010),
+    ],
+)
+def test_rails_come_by_name(name: str, mass_kg_per_m: float, area_cm2: float, second_moment_cm4: float):
+    rail = track_file.parse(LAYERED.replace("136RE", name), "mine").track.rail
+    assert rail.mass_kg_per_m == pytest.approx(mass_kg_per_m, rel=2e-3)
+    assert rail.area_m2 == pytest.approx(area_cm2 * 1e-4, rel=1e-3)
+    assert rail.second_moment_m4 == pytest.approx(second_moment_cm4 * 1e-8, rel=1e-3)
+    # One steel: density within half a per cent, and a radius of gyration of some 36 % of the height of any rail.
+    assert rail.mass_kg_per_m / rail.area_m2 == pytest.approx(7845, rel=5e-3)
+    steel = (rail.youngs_modulus_pa, rail.shear_modulus_pa, rail.shear_coefficient, rail.loss_factor)
+    assert steel == (210e9, 81e9, 0.4, 0.01)
+    assert section_file.load(name).source
+
+
+def test_a_file_that_states_its_steel_states_its_loss():
+    assert track_file.parse(CONTINUOUS, "tram.yaml").track.rail.loss_factor == 0.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("    - mass_kg: 150\n", "", "supports.layers are spring, spring, mass, spring; from rail to ground"),
+        ("    - spring: {table: [[10, 90, 0.1], [1000, 120, 0.2]]}\n", "", "supports.layers are mass, spring"),
+        ("mass_kg: 150", "mass_kg: -150", "supports.layers[2].mass_kg is -150"),
+        ("- mass_kg: 150", "- {mass_kg: 150, spring: {stiffness_kn_per_mm: 1}}", "layers[2] is not one spring or"),
+        ("- mass_kg: 150", "- {}", "supports.layers[2] is not one spring or mass_kg"),
+        ("{stiffness_kn_per_mm: 60, damping", "{damping", "supports.layers[3].spring.stiffness_kn_per_mm is missing"),
+        (", damping_kns_per_m: 30", "", "supports.layers[3].spring has no damping"),
+        ("damping_kns_per_m: 30", "width_m: 0.2", "supports.layers[3].spring.width_m is not of the spring under"),
+        ("[1000, 120, 0.2]", "[5, 120, 0.2]", "supports.layers[1].spring.table[2] has 5 Hz after 10"),
+        ("[1000, 120, 0.2]", "[1000, -120, 0.2]", "supports.layers[1].spring.table[2] kN/mm is -120"),
+        (", [1000, 120, 0.2]", "", "length >= 2"),
+        ("{table:", "{stiffness_kn_per_mm: 9, table:", "supports.layers[1].spring has a table beside other numbers"),
+        ("[10, 90, 0.1], [1000, 120, 0.2]", "[10, 90, 0], [1000, 120, 0]", "supports.layers[1].spring has no damping"),
+        ("  layers:", "  half_sleeper_mass_kg: 150\n  layers:", "supports has layers beside pad"),
+        ("section: 136RE", "section: 137RE", "rail.mass_kg_per_m is missing; give it, or name 115RE, 132RE"),
+        ("section: 136RE", "section: 136RE, model: finite-strip", "finite strips of section '136RE', whose outline is"),
+        ("section: 136RE", "section: {name: a, description: b, source: c, height_mm: 150, standard: {mass_kg_per_m: 6, "
+         "area_cm2: 7, second_moment_cm4: 3}}", "rail.section has height_mm without the rest"),
+    ],
+    ids=lambda text: text[:40],
+)  # fmt: skip
+def test_layers_and_rails_that_cannot_be_are_refused_with_one_line(old: str, new: str, complaint: str):
+    assert old in LAYERED
+    with pytest.raises(TrackError, match=re.escape(complaint)) as caught:
+        track_file.parse(LAYERED.replace(old, new, 1), "mine.yaml")
+    assert str(caught.value).startswith("track file mine.yaml:")
+    assert "\n" not in str(caught.value)
+    assert caught.value.remedy
+
+
 @pytest.mark.parametrize("name", track_file.shipped())
 def test_every_number_of_a_shipped_track_names_its_source(name: str):
     def walk(node: dict) -> Iterator[tuple[str, object]]:
         for key, value in node.items():
-            if isinstance(value, dict) and "value" not in value:
+            if isinstance(value, list):
+                for layer in value:
+                    yield from walk(layer)
+            elif isinstance(value, dict) and "value" not in value:
                 yield from walk(value)
             else:
                 yield key, value

@@ -55,9 +55,9 @@ def fit(
         terminal.say(f"written: {out / name}.json and .png")
     if not definition.track.causal:
         terminal.say(
-            f"Loss factors are not causal: {100 * made.acausal_energy_share:.1f} % of the impulse response's energy "
-            "lies before the impulse, and no model in time reproduces the receptance; the last column shows what a "
-            "mere cut costs."
+            "Loss factors are not causal, nor are tables whose loss is not that of their stiffness: "
+            f"{100 * made.acausal_energy_share:.1f} % of the impulse response's energy lies before the impulse, and no "
+            "model in time reproduces the receptance; the last column shows what a mere cut costs."
         )
 
 

@@ -56,10 +56,11 @@ def read(reader: Reader, file: SupportsFile) -> tuple[Support, float]:
     for name, spring in springs[1:]:
         if spring.width_m:
             raise reader.error(f"{name}.width_m is not of the spring under the rail", "leave it out")
+    least_kg = 0.0 if file.layers else 1e-6  # none puts two springs in series
     pad_name, pad = springs[0]
     support = Support(
         tuple(_spring(reader, name, spring) for name, spring in springs),
-        tuple(reader.positive(name, mass) for name, mass in masses),
+        tuple(reader.within(name, mass, least_kg, 1e6) for name, mass in masses),
     )
     return support, reader.within(f"{pad_name}.width_m", pad.width_m, 0.0, 0.4)
 
