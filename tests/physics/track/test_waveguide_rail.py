@@ -16,6 +16,7 @@ from weld_force_ros.physics.track.beam import (
     static_compliance,
     transfer_receptance,
 )
+from weld_force_ros.physics.track.support import Spring, Support
 from weld_force_ros.physics.track.supported_rail import SupportedWaves
 from weld_force_ros.simulation import section_file, track_file
 
@@ -132,6 +133,16 @@ def test_wear_makes_the_rail_softer(bilbao):
 def test_a_wide_pad_resists_rotation(bilbao):
     narrow, wide = (static_compliance(with_strips(bilbao, width), 0.3)[0] for width in (0.0, 0.15))
     assert 0.95 < wide / narrow < 0.999
+
+
+def test_one_layer_stands_on_ground_that_does_not_move(bilbao):
+    """Strips take pad and ground apart: ground of a million times the pad's stiffness must make no difference."""
+    pad = bilbao.support.springs[0]
+    found, stiff = (
+        receptance(with_strips(replace(bilbao, support=support), 0.15), [60.0, 400.0], [0.0, 0.3])
+        for support in (Support((pad,)), Support((pad, Spring(pad.stiffness_n_per_m * 1e6)), (100.0,)))
+    )
+    np.testing.assert_allclose(found, stiff, rtol=1e-4)
 
 
 def test_track_file_chooses_the_rail():
