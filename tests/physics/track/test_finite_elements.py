@@ -155,7 +155,7 @@ def test_steps_in_time_are_those_of_another_integrator(supports: Supports, defin
     if supports.gap_m:
         assert below.max() > 5e3  # the gap closes, or this says nothing of it
         assert below.min() == 0.0
-    assert np.abs(force[::20] - exact).max() < 2e-3 * definition.wheel.static_load_n
+    assert np.abs(force[::20] - exact).max() < 2e-4 * definition.wheel.static_load_n
 
 
 @pytest.mark.slow
