@@ -35,6 +35,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from weld_force_ros.errors import NumericalError
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
+from weld_force_ros.physics.engines.support_responses import Spectrum, moving_supports, unchanged
 from weld_force_ros.physics.passage import _convolution, lowpass
 from weld_force_ros.physics.passage.passage import History, checked_axis, checked_positions, checked_speeds
 from weld_force_ros.physics.passage.peak_map import PeakMap
@@ -43,6 +44,7 @@ from weld_force_ros.physics.passage.wheel_path import WheelPath
 from weld_force_ros.physics.threads import executor
 from weld_force_ros.physics.track import beam
 from weld_force_ros.physics.track.beam import Track, Waves
+from weld_force_ros.physics.track.local_support import LocalSupports
 
 STEP_S = 25e-6
 STEP_M = 1.0e-3
@@ -66,6 +68,7 @@ class _Responses:
         rows: (n_node, n_lag), displacement under the contact, step by step after a unit pulse at the node, m/N.
         nodes: (n_grid, 4), which rows make the response to a pulse at each grid point.
         weights: (n_grid, 4), and how much of each.
+        supports: those that differ from the track's.
     """
 
     dt: float
@@ -73,6 +76,7 @@ class _Responses:
     rows: FloatArray
     nodes: NDArray[np.int64]
     weights: FloatArray
+    supports: _convolution.MovingSupports
 
 
 @dataclass(frozen=True)
@@ -91,11 +95,17 @@ class _Passage:
 class GreensFunctionModel:
     """A wheel on the exact track: the calls of `VehicleTrackModel`, some thousand times slower.
 
-    `threads` as of `VehicleTrackModel`: they compute responses and passages, and the waves of a rail by strips.
+    Args:
+        track: with its usual supports.
+        wheel: that runs over it.
+        supports: those that differ from the track's.
+        threads: as of `VehicleTrackModel`: they compute responses and passages, and the waves of a rail by strips.
     """
 
-    def __init__(self, track: Track, wheel: Wheel, *, threads: int | None = None) -> None:
-        self.track = track
+    def __init__(
+        self, track: Track, wheel: Wheel, supports: LocalSupports | None = None, *, threads: int | None = None
+    ) -> None:
+        self.track, self.supports = track, supports
         self._threads = threads
         self.wheel = wheel
         self._physics = np.array([wheel.mass_kg, wheel.static_load_n, wheel.hertz_n_per_m15])
@@ -185,8 +195,8 @@ class GreensFunctionModel:
         irregularity = wheel_path.at(x - position_m)
         columns = np.empty((len(x), 3))
         _convolution.passage_by_convolution(
-            responses.rows, responses.nodes, responses.weights, begin, memory, -irregularity, self._physics,
-            responses.dt, columns,
+            responses.rows, responses.nodes, responses.weights, responses.supports, begin, memory, -irregularity,
+            self._physics, responses.dt, columns,
         )  # fmt: skip
         shown = slice(settling + memory, None)
         return _Passage(x[shown], irregularity[shown], columns[shown], columns[:, 0])
@@ -195,7 +205,7 @@ class GreensFunctionModel:
         """Return the responses, remembered: welds are checked one after the other at the same few speeds."""
         responses = self._remembered.get(speed_kmh)
         if responses is None:
-            if len(self._remembered) >= _MOST_REMEMBERED:
+            if len(self._remembered) >= (_MOST_REMEMBERED if self.supports is None else 1):
                 self._remembered.clear()
             responses = self._remembered[speed_kmh] = self._compute_responses(speed_kmh, pool)
         return responses
@@ -227,34 +237,45 @@ class GreensFunctionModel:
         if spectrum.alpha == 0.0:
             short = np.mean(beam.static_compliance(self.track, at[nodes])) - np.mean(rows.sum(axis=1))
             rows += short / len(lag)
-        return _Responses(dt, grid, rows, *_interpolation(grid, every, len(nodes)))
+        supports = unchanged(len(lag))
+        if self.supports is not None:
+            supports = moving_supports(self.track, spectrum.at_rest, self.supports, spectrum.transform, grid, lag)
+        return _Responses(dt, grid, rows, *_interpolation(grid, every, len(nodes)), supports)
 
 
 class _Spectrum:
-    """The track's waves and the pulse's weight at every frequency of the sum, zero included."""
+    """The track's waves and the pulse's weight at every frequency of the sum, zero included.
+
+    Attributes:
+        at_rest: the track whose waves stand for those at zero, where loss does not act.
+    """
 
     def __init__(self, track: Track, dt: float, threads: int | None) -> None:
         self.track, self.dt = track, dt
         self.alpha = _WINDOW / MEMORY_S if track.causal else 0.0
         moving = 2 * np.pi * np.arange(1, int(BAND_HZ * MEMORY_S) + 1) / MEMORY_S
         self.omega = np.append(0.0, moving)
-        self._moving = beam.waves(track, moving - 1j * self.alpha, threads=threads)
-        self._resting = self._at_rest(threads)
+        moving_omega = moving - 1j * self.alpha
+        self._moving = beam.waves(track, moving_omega, threads=threads)
+        if self.alpha == 0.0:
+            resting_omega: FloatArray | ComplexArray = beam.STATIC_OMEGA
+            self.at_rest, self._resting = track.undamped(), beam.static_waves(track, threads=threads)
+        else:
+            resting_omega = np.array([-1j * self.alpha])
+            self.at_rest = replace(track, rail=replace(track.rail, loss_factor=0.0))
+            self._resting = beam.waves(self.at_rest, resting_omega, threads=threads)
         self.multiplier = np.concatenate([self._resting.multiplier, self._moving.multiplier], axis=1)
         self.strength = np.concatenate([self._resting.strength, self._moving.strength], axis=1)
         taper = np.clip((BAND_HZ - self.omega / (2 * np.pi)) / (0.2 * BAND_HZ), 0.0, 1.0)
         sides = np.where(self.omega == 0.0, 1.0, 2.0)
         triangle = np.sinc(self.omega * dt / (2 * np.pi)) ** 2
         self.pulse = sides * dt / MEMORY_S * triangle * (0.5 - 0.5 * np.cos(np.pi * taper))
+        self.transform = Spectrum(
+            self._resting, self._moving, resting_omega, moving_omega, self.pulse, self.alpha, MEMORY_S
+        )
 
     def shape(self, x_m: FloatArray) -> ComplexArray:
         return np.concatenate([self._resting.shape(x_m), self._moving.shape(x_m)], axis=2)
-
-    def _at_rest(self, threads: int | None) -> Waves:
-        if self.alpha == 0.0:
-            return beam.static_waves(self.track, threads=threads)
-        lossless_rail = replace(self.track, rail=replace(self.track.rail, loss_factor=0.0))
-        return beam.waves(lossless_rail, np.array([-1j * self.alpha]), threads=threads)
 
     def jump(self, lag: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the response to the pulse of a / (i omega + b), a the jump: as the sum has it, and exact."""

@@ -1,9 +1,29 @@
 """Compiled: responses under a moving contact as sums of waves, and a passage by convolution with them."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from weld_force_ros.physics._numba_cache import compiled
 from weld_force_ros.physics.passage._contact import FAST_MATH, contact_force
+
+
+class MovingSupports(NamedTuple):
+    """Supports that differ from the track's, as a moving contact feels them in a window.
+
+    Attributes:
+        first: grid point, from sleeper 0 on, at which the window begins.
+        nodes: (n_grid, 4), which rows make the response at each grid point of the window.
+        weights: (n_grid, 4), and how much of each.
+        drive: (n_support, n_node, n_lag), a support's upward force on the rail, step by step after a unit pulse.
+        motion: (n_support, n_node, n_lag), m/N, displacement of the contact after a unit pulse at a support.
+    """
+
+    first: int
+    nodes: np.ndarray
+    weights: np.ndarray
+    drive: np.ndarray
+    motion: np.ndarray
 
 
 @compiled(nogil=True, fastmath=FAST_MATH)
@@ -41,24 +61,69 @@ def moving_response(
         j += 1
 
 
+@compiled(nogil=True, fastmath=FAST_MATH, inline="always")
+def _drive_supports(supports: MovingSupports, force, n, g, reactions):
+    """Add what supports do after a pulse of contact force at step n, grid point g of the window, from then on."""
+    for s in range(supports.drive.shape[0]):
+        for q in range(supports.nodes.shape[1]):
+            scale = supports.weights[g, q] * force
+            row = supports.drive[s, supports.nodes[g, q]]
+            for m in range(row.shape[0]):
+                reactions[s, n + m] += scale * row[m]
+
+
+@compiled(nogil=True, fastmath=FAST_MATH, inline="always")
+def _moved_by_supports(supports: MovingSupports, n, g, reactions):
+    """Return the displacement of the contact at grid point g of the window by what supports did until step n."""
+    moved = 0.0
+    for s in range(supports.motion.shape[0]):
+        for q in range(supports.nodes.shape[1]):
+            row = supports.motion[s, supports.nodes[g, q]]
+            total = 0.0
+            for m in range(min(row.shape[0], n + 1)):
+                total += row[m] * reactions[s, n - m]
+            moved -= supports.weights[g, q] * total
+    return moved
+
+
+@compiled(nogil=True, fastmath=FAST_MATH, inline="always")
+def _compliance_by_supports(supports: MovingSupports, g):
+    """Return how far supports that answer within the step move the contact at grid point g, per force there."""
+    moved = 0.0
+    for s in range(supports.motion.shape[0]):
+        drive, motion = 0.0, 0.0
+        for q in range(supports.nodes.shape[1]):
+            drive += supports.weights[g, q] * supports.drive[s, supports.nodes[g, q], 0]
+            motion += supports.weights[g, q] * supports.motion[s, supports.nodes[g, q], 0]
+        moved -= drive * motion
+    return moved
+
+
 @compiled(nogil=True, fastmath=FAST_MATH)
-def passage_by_convolution(rows, nodes, weights, start, at_rest, irregularity, physics, dt, result):
+def passage_by_convolution(
+    rows, nodes, weights, supports: MovingSupports, start, at_rest, irregularity, physics, dt, result
+):
     """Simulate a passage from grid point `start`; the rail moves by the sum of the responses to all earlier forces.
 
-    A pulse at grid point j answers with `weights[j] @ rows[nodes[j]]`. For the first `at_rest` steps the force is the
-    static load, so that the rail has settled under a moving load; then the wheel is let go. `result`
-    (n_step, 3): force, wheel and rail displacement, positive down.
+    A pulse at grid point j answers with `weights[j] @ rows[nodes[j]]`, and by way of the supports that differ. For the
+    first `at_rest` steps the force is the static load, so that the rail has settled under a moving load; then the wheel
+    is let go. `result` (n_step, 3): force, wheel and rail displacement, positive down.
     """
     mass, load, hertz = physics[0], physics[1], physics[2]
     steps, grid, memory = irregularity.shape[0], weights.shape[0], rows.shape[1]
     answer = np.zeros(steps + memory)
+    reactions = np.zeros((supports.drive.shape[0], steps + memory))
     own = dt * dt / (6.0 * mass)
     wheel, velocity, force = 0.0, 0.0, load
-    j = start % grid
+    j, in_window = start % grid, supports.weights.shape[0]
     for n in range(steps):
         here = 0.0
         for q in range(weights.shape[1]):
             here += weights[j, q] * rows[nodes[j, q], 0]
+        g = start + n - supports.first
+        if 0 <= g < in_window:
+            answer[n] += _moved_by_supports(supports, n, g, reactions)
+            here += _compliance_by_supports(supports, g)
         if n < at_rest:
             wheel = answer[n] + here * load + (load / hertz) ** (2.0 / 3.0) + irregularity[n]
         else:
@@ -69,6 +134,8 @@ def passage_by_convolution(rows, nodes, weights, start, at_rest, irregularity, p
             velocity += dt * (load - 0.5 * (old + force)) / mass
         result[n, 0], result[n, 1], result[n, 2] = force, wheel, answer[n] + here * force
         if force != 0.0:
+            if 0 <= g < in_window:
+                _drive_supports(supports, force, n, g, reactions)
             for q in range(weights.shape[1]):
                 scale = weights[j, q] * force
                 row = rows[nodes[j, q]]

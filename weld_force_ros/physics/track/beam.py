@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from weld_force_ros.physics.track.waveguide_rail import FreeRail, Steel
 
 # Low enough for inertia to vanish (some 1e-6 of the stiffness), high enough for the waves to stay distinct numbers.
-_STATIC_HZ = 0.1
+STATIC_OMEGA = np.array([2 * np.pi * 0.1])
 # Of strips, whose bending waves become one at rest: imaginary, where inertia stiffens by as much as 0.02 %.
 _STATIC_STRIP_HZ = -1j
 _MOST_REMEMBERED = 6  # of strips' waves: 13 kB a frequency
@@ -134,13 +134,13 @@ def transfer_receptance(
     at, force_at = np.broadcast_arrays(
         np.atleast_1d(np.asarray(at_m, dtype=np.float64)), np.asarray(force_at_m, dtype=np.float64)
     )
-    return _response(waves(track, omega, threads=threads), at, force_at)
+    return response(waves(track, omega, threads=threads), at, force_at)
 
 
 def static_compliance(track: Track, at_m: ArrayLike) -> FloatArray:
     """Return the deflection under a resting unit load, m/N, (n_at,), of the undamped track: no loss at rest."""
     at = np.atleast_1d(np.asarray(at_m, dtype=np.float64))
-    return _response(static_waves(track), at, at)[:, 0].real
+    return response(static_waves(track), at, at)[:, 0].real
 
 
 def sections(track: Track, count: int) -> FloatArray:
@@ -234,11 +234,12 @@ def _strip_waves(track: Track, rail: StripRail, frequencies: bytes, threads: int
 
 def static_waves(track: Track, *, threads: int | None = None) -> Waves:
     """Return the waves of a track at rest, where loss does not act: one frequency, next to zero; see `waves`."""
-    hz = _STATIC_STRIP_HZ if isinstance(track.rail, StripRail) else _STATIC_HZ
-    return waves(track.undamped(), np.array([2 * np.pi * hz]), threads=threads)
+    omega = 2 * np.pi * np.array([_STATIC_STRIP_HZ]) if isinstance(track.rail, StripRail) else STATIC_OMEGA
+    return waves(track.undamped(), omega, threads=threads)
 
 
-def _response(waves: Waves, at_m: FloatArray, force_at_m: FloatArray) -> ComplexArray:
+def response(waves: Waves, at_m: FloatArray, force_at_m: FloatArray) -> ComplexArray:
+    """Return the receptance at `at_m` (n_at,) to a force at `force_at_m` (n_at,) as a sum of waves, (n_at, n_frequency)."""
     ahead = np.maximum(at_m, force_at_m)
     behind = np.minimum(at_m, force_at_m)  # reciprocity: the response depends on the pair only
     first_m = waves.span_m * np.floor(behind / waves.span_m)  # near waves of strips grow by many powers a span
