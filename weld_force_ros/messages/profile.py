@@ -28,6 +28,7 @@ from weld_force_ros.messages.fields import (
     Text,
     json_sha256,
 )
+from weld_force_ros.messages.support import SupportState
 
 
 class MeasurementNoise(msgspec.Struct, kw_only=True, frozen=True):
@@ -80,6 +81,7 @@ class WeldProfile(Message, kw_only=True):
     kind: IrregularityKind | UnsetType = UNSET
     operator: Name | UnsetType = UNSET
     running: Running | UnsetType = UNSET
+    support: Annotated[list[SupportState], Meta(max_length=18)] | UnsetType = UNSET
     measured_on: Annotated[Name, Meta(description="date as the file states it")] | UnsetType = UNSET
     file_version_of: (
         Annotated[

@@ -45,15 +45,17 @@ class PoleModel:
 
     Attributes:
         poles_rad_s: (n,), one of each conjugate pair (positive imaginary part) and every real pole.
-        residues: (n_section, n), m rad/(N s), on `section_m` over one full span [0, spacing).
-        section_m: (n_section,), metres after the sleeper.
-        spacing_m: the span that residues repeat with.
+        residues: (n_section, n), m rad/(N s), on `section_m` over [0, spans spacing).
+        section_m: (n_section,), metres after sleeper 0.
+        spacing_m: from sleeper to sleeper.
+        spans: number of spans that residues repeat with; more than one where a few supports differ.
     """
 
     poles_rad_s: ComplexArray
     residues: ComplexArray
     section_m: FloatArray
     spacing_m: float
+    spans: int = 1
     _grids: dict[bytes, tuple[ComplexArray, FloatArray]] = field(default_factory=dict, repr=False, compare=False)
 
     @property
@@ -62,20 +64,26 @@ class PoleModel:
         return int(np.sum(np.where(self.poles_rad_s.imag == 0, 1, 2)))
 
     @property
+    def period_m(self) -> float:
+        """Return the length that residues repeat with."""
+        return self.spans * self.spacing_m
+
+    @property
     def pair_weight(self) -> FloatArray:
         """Return 2 for a pole of a conjugate pair, 1 for a real one: z = sum_k weight_k Re(shape_k q_k)."""
         return np.where(self.poles_rad_s.imag == 0, 1.0, 2.0)
 
     def residues_at(self, at_m: ArrayLike) -> ComplexArray:
-        """Return the residues at any positions, (n_at, n): periodic cubic spline over the span."""
-        return _periodic_spline(self.section_m, self.residues, self.spacing_m, at_m)
+        """Return the residues at any positions, (n_at, n): cubic spline over the period."""
+        return _periodic_spline(self.section_m, self.residues, self.period_m, at_m)
 
     def shapes_at(self, at_m: ArrayLike) -> ComplexArray:
         """Return sqrt(R_k), its sign continuous along the span, (n_at, n)."""
-        fine = self.spacing_m * np.arange(_SHAPE_POINTS) / _SHAPE_POINTS
+        points = self.spans * _SHAPE_POINTS
+        fine = self.period_m * np.arange(points) / points
         residues = self.residues_at(fine)
         phase = np.unwrap(np.angle(residues), axis=0)
-        return _periodic_spline(fine, np.sqrt(np.abs(residues)) * np.exp(0.5j * phase), self.spacing_m, at_m)
+        return _periodic_spline(fine, np.sqrt(np.abs(residues)) * np.exp(0.5j * phase), self.period_m, at_m)
 
     def propagation(self, at_m: FloatArray, dt_s: float) -> Propagation:
         """Return a step of `dt_s` of the states q_k' = p_k q_k + shape_k f; see `physics.passage.state_space`."""
@@ -115,14 +123,14 @@ class PoleModel:
         return np.asarray((self.residues_at(at_m) / -self.poles_rad_s).real @ self.pair_weight)
 
 
-def _periodic_spline(knots_m: FloatArray, values: ComplexArray, span_m: float, at_m: ArrayLike) -> ComplexArray:
-    """Return complex columns over one span, interpolated anywhere: (n_at, n)."""
+def _periodic_spline(knots_m: FloatArray, values: ComplexArray, period_m: float, at_m: ArrayLike) -> ComplexArray:
+    """Return complex columns over one period, interpolated anywhere: (n_at, n)."""
     at = np.atleast_1d(np.asarray(at_m, dtype=np.float64))
     if len(knots_m) == 1:
         return np.repeat(values, len(at), axis=0)
     closed = np.concatenate([values, values[:1]])
-    spline = CubicSpline(np.append(knots_m, knots_m[0] + span_m), closed, bc_type="periodic")
-    return np.asarray(spline(np.mod(at, span_m)))
+    spline = CubicSpline(np.append(knots_m, knots_m[0] + period_m), closed, bc_type="periodic")
+    return np.asarray(spline(np.mod(at, period_m)))
 
 
 def _in_pairs(values: ComplexArray) -> FloatArray:
@@ -159,7 +167,7 @@ def fit_track(
     exact = beam.receptance(track, frequency, half)
     weight = 1 / np.abs(exact + contact_compliance(2 * np.pi * frequency))
     poles = common_poles(frequency, exact, weight, order)
-    residues = _residues(frequency, exact, weight, poles, beam.static_compliance(track, half))
+    residues = residues_of(frequency, exact, weight, poles, beam.static_compliance(track, half))
     mirror = np.minimum(np.arange(len(at)), len(at) - np.arange(len(at)))
     return PoleModel(poles, residues[mirror], at, track.spacing_m)
 
@@ -259,14 +267,22 @@ def _relocated(poles: ComplexArray, sigma: tuple[FloatArray, float]) -> ComplexA
     return np.asarray(kept[np.argsort(np.abs(kept))], dtype=np.complex128)
 
 
-def _residues(
+def residues_of(
     frequency_hz: FloatArray,
     receptance: ComplexArray,
     weight: FloatArray,
     poles_rad_s: ComplexArray,
     static: FloatArray,
 ) -> ComplexArray:
-    """Return the least-squares residues of each section under the constraint of its static compliance."""
+    """Return the least-squares residues (n_section, n) of given poles, each section's static compliance held exactly.
+
+    Args:
+        frequency_hz: (n_frequency,).
+        receptance: (n_section, n_frequency), m/N.
+        weight: of its errors, as `receptance`.
+        poles_rad_s: (n,), as `PoleModel`.
+        static: (n_section,), m/N.
+    """
     poles = poles_rad_s / _SCALE
     basis = _basis(2j * np.pi * frequency_hz / _SCALE, poles)
     at_rest = _basis(np.zeros(1, dtype=np.complex128), poles)[0].real

@@ -17,6 +17,7 @@ Between sections coefficients are linear: periodic cubics overshoot next to the 
 
 from dataclasses import dataclass
 from itertools import accumulate
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,6 +50,7 @@ class RfpModel:
     denominator: FloatArray
     numerator: FloatArray
     spacing_m: float
+    spans: ClassVar[int] = 1
     scale_rad_s: float = _SCALE
 
     @property

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
-from weld_force_ros.physics.passage._convolution import MovingSupports
+from weld_force_ros.physics.passage._convolution import Gaps, MovingSupports
 from weld_force_ros.physics.track import beam
 from weld_force_ros.physics.track.beam import Track, Waves
 from weld_force_ros.physics.track.local_support import LocalSupports, responses_at
@@ -55,7 +55,15 @@ class Spectrum:
 def unchanged(lags: int) -> MovingSupports:
     """Return no supports that differ."""
     nothing = np.empty((0, 0, lags), dtype=np.float32)
-    return MovingSupports(0, np.empty((0, 4), dtype=np.int64), np.empty((0, 4)), nothing, nothing)
+    return MovingSupports(
+        0, np.empty((0, 4), dtype=np.int64), np.empty((0, 4)), nothing, nothing, _gaps(nothing, nothing, [], [], [])
+    )
+
+
+def _gaps(
+    responses: FloatArray, mutual: FloatArray, stiffness: list[float], damping: list[float], gap_m: list[float]
+) -> Gaps:
+    return Gaps(responses, mutual, *(np.array(values, dtype=np.float64) for values in (stiffness, damping, gap_m)))
 
 
 def moving_supports(
@@ -85,8 +93,19 @@ def moving_supports(
         )
     )
     nodes, weights = _interpolation(grid, a_span, spans)
+    gaps = unchanged(len(lag_s)).gaps
+    if hanging := supports.hanging:
+        resting, each_resting = supports.sleeper_responses(at_rest, spectrum.resting, spectrum.resting_omega, at)
+        moving, each_moving = supports.sleeper_responses(track, spectrum.moving, spectrum.moving_omega, at)
+        gaps = _gaps(
+            spectrum.in_time(np.concatenate([resting, moving], axis=-1), lag_s),
+            spectrum.in_time(np.concatenate([each_resting, each_moving], axis=-1), lag_s),
+            [change.below * track.ballast.stiffness_n_per_m for change in hanging],
+            [change.below * track.ballast.damping_ns_per_m for change in hanging],
+            [change.gap_m for change in hanging],
+        )
     return MovingSupports(
-        first * grid, nodes, weights, spectrum.in_time(drive, lag_s), spectrum.in_time(motion, lag_s)
+        first * grid, nodes, weights, spectrum.in_time(drive, lag_s), spectrum.in_time(motion, lag_s), gaps
     )
 
 

@@ -8,6 +8,25 @@ from weld_force_ros.physics._numba_cache import compiled
 from weld_force_ros.physics.passage._contact import FAST_MATH, contact_force
 
 
+class Gaps(NamedTuple):
+    """Sleepers that hang over their ballast until they have come down by a gap.
+
+    Attributes:
+        responses: (n_gap, n_node, n_lag), m/N, displacement of the sleeper after a unit pulse of contact force at a
+            node, and of a contact there after one on the sleeper.
+        mutual: (n_gap, n_gap, n_lag), m/N, of a sleeper after a unit pulse on a sleeper.
+        stiffness: (n_gap,), N/m, of the ballast.
+        damping: (n_gap,), Ns/m, of the ballast.
+        gap_m: (n_gap,).
+    """
+
+    responses: np.ndarray
+    mutual: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+    gap_m: np.ndarray
+
+
 class MovingSupports(NamedTuple):
     """Supports that differ from the track's, as a moving contact feels them in a window.
 
@@ -17,6 +36,7 @@ class MovingSupports(NamedTuple):
         weights: (n_grid, 4), and how much of each.
         drive: (n_support, n_node, n_lag), a support's upward force on the rail, step by step after a unit pulse.
         motion: (n_support, n_node, n_lag), m/N, displacement of the contact after a unit pulse at a support.
+        gaps: those that hang over a gap.
     """
 
     first: int
@@ -24,6 +44,7 @@ class MovingSupports(NamedTuple):
     weights: np.ndarray
     drive: np.ndarray
     motion: np.ndarray
+    gaps: Gaps
 
 
 @compiled(nogil=True, fastmath=FAST_MATH)
@@ -73,9 +94,48 @@ def _drive_supports(supports: MovingSupports, force, n, g, reactions):
 
 
 @compiled(nogil=True, fastmath=FAST_MATH, inline="always")
-def _moved_by_supports(supports: MovingSupports, n, g, reactions):
+def _rest_on_ballast(gaps: Gaps, n, dt, down, resting):
+    """Let sleepers rest at step n where they have come down by their gap: `resting` is what ballast carries.
+
+    `down` (n_gap, n_step) is how far they came down but for what their ballast carries within this step; spring and
+    dashpot of the ballast act while pressed, by the step's end.
+    """
+    for s in range(gaps.gap_m.shape[0]):
+        last = down[s, n - 1] if n > 0 else 0.0
+        rate = gaps.stiffness[s] + gaps.damping[s] / dt
+        force = rate * (down[s, n] - gaps.gap_m[s]) - gaps.damping[s] / dt * (last - gaps.gap_m[s])
+        force /= 1.0 + rate * gaps.mutual[s, s, 0]
+        if force <= 0.0 or down[s, n] <= gaps.gap_m[s]:
+            continue
+        resting[s, n] = force
+        for other in range(gaps.gap_m.shape[0]):
+            row = gaps.mutual[other, s]
+            for m in range(min(row.shape[0], down.shape[1] - n)):
+                down[other, n + m] -= force * row[m]
+
+
+@compiled(nogil=True, fastmath=FAST_MATH, inline="always")
+def _move(gaps: Gaps, nodes, weights, force, n, g, down):
+    """Add to how far sleepers come down what a pulse of contact force at step n does from the next step on."""
+    for s in range(gaps.gap_m.shape[0]):
+        for q in range(nodes.shape[1]):
+            scale = weights[g, q] * force
+            row = gaps.responses[s, nodes[g, q]]
+            for m in range(1, min(row.shape[0], down.shape[1] - n)):
+                down[s, n + m] += scale * row[m]
+
+
+@compiled(nogil=True, fastmath=FAST_MATH, inline="always")
+def _moved_by_supports(supports: MovingSupports, n, g, reactions, resting):
     """Return the displacement of the contact at grid point g of the window by what supports did until step n."""
     moved = 0.0
+    for s in range(supports.gaps.gap_m.shape[0]):
+        for q in range(supports.nodes.shape[1]):
+            row = supports.gaps.responses[s, supports.nodes[g, q]]
+            total = 0.0
+            for m in range(min(row.shape[0], n + 1)):
+                total += row[m] * resting[s, n - m]
+            moved -= supports.weights[g, q] * total
     for s in range(supports.motion.shape[0]):
         for q in range(supports.nodes.shape[1]):
             row = supports.motion[s, supports.nodes[g, q]]
@@ -113,6 +173,8 @@ def passage_by_convolution(
     steps, grid, memory = irregularity.shape[0], weights.shape[0], rows.shape[1]
     answer = np.zeros(steps + memory)
     reactions = np.zeros((supports.drive.shape[0], steps + memory))
+    down = np.zeros((supports.gaps.gap_m.shape[0], steps + memory))
+    resting = np.zeros((supports.gaps.gap_m.shape[0], steps))
     own = dt * dt / (6.0 * mass)
     wheel, velocity, force = 0.0, 0.0, load
     j, in_window = start % grid, supports.weights.shape[0]
@@ -121,8 +183,9 @@ def passage_by_convolution(
         for q in range(weights.shape[1]):
             here += weights[j, q] * rows[nodes[j, q], 0]
         g = start + n - supports.first
+        _rest_on_ballast(supports.gaps, n, dt, down, resting)
         if 0 <= g < in_window:
-            answer[n] += _moved_by_supports(supports, n, g, reactions)
+            answer[n] += _moved_by_supports(supports, n, g, reactions, resting)
             here += _compliance_by_supports(supports, g)
         if n < at_rest:
             wheel = answer[n] + here * load + (load / hertz) ** (2.0 / 3.0) + irregularity[n]
@@ -136,6 +199,7 @@ def passage_by_convolution(
         if force != 0.0:
             if 0 <= g < in_window:
                 _drive_supports(supports, force, n, g, reactions)
+                _move(supports.gaps, supports.nodes, supports.weights, force, n, g, down)
             for q in range(weights.shape[1]):
                 scale = weights[j, q] * force
                 row = rows[nodes[j, q]]

@@ -46,12 +46,14 @@ class SmoothRail(NamedTuple):
     Attributes:
         force_n: (n_grid,), force on smooth rail.
         negligible_n: a transient below it is not waited for.
+        span: steps from sleeper to sleeper.
         window: steps through which a transient has to have decayed.
         run_out: most steps behind the weld.
     """
 
     force_n: np.ndarray
     negligible_n: float
+    span: int
     window: int
     run_out: int
 
@@ -211,7 +213,7 @@ def peaks_at_speed(passages: Passages, step: Propagation, smooth: SmoothRail, fi
             swing = 0.0
             quiet = n_filters == 0 and n >= loud + smooth.window // 2
             if quiet or n >= next_check:
-                a_span_behind = n >= passages.ends[i] + grid
+                a_span_behind = n >= passages.ends[i] + smooth.span
                 run_out_over = n >= passages.ends[i] + smooth.run_out
                 decayed = quiet or transient_decayed(
                     transient, top, least, smooth_high, smooth_low, smooth.negligible_n, a_span_behind

@@ -53,6 +53,7 @@ class SpeedBlocks(NamedTuple):
         windows: (n_block, LANES), steps through which a transient has to have decayed.
         run_outs: (n_block, LANES), most steps behind the weld.
         dt_s: (n_block, LANES).
+        span: steps from sleeper to sleeper.
     """
 
     decay: np.ndarray
@@ -63,6 +64,7 @@ class SpeedBlocks(NamedTuple):
     windows: np.ndarray
     run_outs: np.ndarray
     dt_s: np.ndarray
+    span: int
 
 
 class PlacePairs(NamedTuple):
@@ -400,7 +402,7 @@ def peaks_in_lanes(pairs: PlacePairs, blocks: SpeedBlocks, filters: Filters, phy
                         quiet_checks[lane] = min(quiet_from, next_checks[lane])
                         continue
                 seen = working[_TRANSIENT * LANES + lane]
-                a_span_behind, run_out_over = n >= end + n_grid, n >= end + blocks.run_outs[block, lane]
+                a_span_behind, run_out_over = n >= end + blocks.span, n >= end + blocks.run_outs[block, lane]
                 decayed = quiet or transient_decayed(
                     seen, working[_TOP * LANES + lane], working[_LEAST * LANES + lane], smooth_high[lane],
                     smooth_low[lane], negligible_n, a_span_behind,

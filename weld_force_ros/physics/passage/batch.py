@@ -152,6 +152,7 @@ class SimdBatch:
             windows=_lanes([speed.window for speed in speeds]),
             run_outs=_lanes([speed.run_out for speed in speeds]),
             dt_s=_lanes([speed.steady_state.dt_s for speed in speeds]),
+            span=solver.span_grid // self._stride,
         )
         self._states = _speed_blocks([speed.steady_state.states for speed in speeds])
 
@@ -250,7 +251,8 @@ class ScalarBatch:
             irregularity_m=places.irregularity_m[columns],
         )
         smooth = _scalar_passage.SmoothRail(
-            steady_state.smooth_n, negligible_n(self._solver), speed.window, speed.run_out
+            steady_state.smooth_n, negligible_n(self._solver), self._solver.span_grid // steady_state.stride,
+            speed.window, speed.run_out,
         )
         own_filters = Filters(
             filters.decay[row], filters.shapes[row], filters.gains[row], filters.smooth_n[row], filters.floors_n[row]

@@ -138,6 +138,7 @@ class LaneTables:
             windows=_in_lanes(self._windows, speeds),
             run_outs=_in_lanes(self._run_outs, speeds),
             dt_s=_in_lanes(self._dt_s, speeds),
+            span=self._solver.span_grid // self._stride,
         )
 
     def _with_later(self, filters: LowPass, places: Places, speeds: SpeedChoice, found: FloatArray) -> FloatArray:

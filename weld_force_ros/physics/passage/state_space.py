@@ -18,7 +18,7 @@ from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 
 
 class Propagation(NamedTuple):
-    """One step of the rail's states, for each grid point of a span that the contact may stand on.
+    """One step of the rail's states, for each grid point of a period that the contact may stand on.
 
     Attributes:
         decay: (2, n_state // 2), real and imaginary part of E for states in pairs (re, im); unused if dense.
@@ -44,10 +44,14 @@ class StateModel(Protocol):
 
     @property
     def spacing_m(self) -> float:
-        """Return the span that it repeats with."""
+        """Return the sleeper spacing."""
+
+    @property
+    def spans(self) -> int:
+        """Return the number of spans that it repeats with."""
 
     def propagation(self, at_m: FloatArray, dt_s: float) -> Propagation:
-        """Return a step of `dt_s` from each point of `at_m` (n_grid,), which covers a span once, to the next."""
+        """Return a step of `dt_s` from each point of `at_m` (n_grid,), which covers a period once, to the next."""
 
 
 def first_order_hold(poles: ComplexArray, dt_s: float | FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:

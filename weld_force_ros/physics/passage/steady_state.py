@@ -1,6 +1,6 @@
 """The periodic state of a wheel on smooth rail, in which every passage begins, speed by speed.
 
-From rest (static deflection) the wheel passes span after span until the force repeats. All passages of a speed share
+From rest (static deflection) the wheel passes period after period of the track until the force repeats. All passages of a speed share
 that state.
 """
 
@@ -31,7 +31,7 @@ class SteadyState:
         step: how the rail's states move on.
         states: (n_start, n_state + 3) on smooth rail at every point that a passage may begin at: rail states,
             displacement, velocity and force of the wheel.
-        smooth_n: (n_grid,), force on smooth rail at every step of the span.
+        smooth_n: (n_grid,), force on smooth rail at every step of the period.
         smooth_wheel: (n_grid, 3), wheel on smooth rail at every step: displacement, velocity, force.
     """
 
@@ -44,15 +44,16 @@ class SteadyState:
 
 
 class SteadyStateSolver:
-    """Finds the periodic state of a wheel on a fitted track, with a grid of contact points over the span."""
+    """Finds the periodic state of a wheel on a fitted track, with a grid of contact points over its period."""
 
     def __init__(self, model: StateModel, wheel: Wheel) -> None:
         self.model = model
         self.wheel = wheel
         # A whole number of the longest stride, so that every stride closes the span.
         self.longest_stride = round(LONGEST_STEP_M / GRID_M)
-        self.grid = self.longest_stride * max(1, round(model.spacing_m / GRID_M / self.longest_stride))
-        self.grid_m = model.spacing_m / self.grid
+        self.span_grid = self.longest_stride * max(1, round(model.spacing_m / GRID_M / self.longest_stride))
+        self.grid = self.span_grid * model.spans
+        self.grid_m = model.spacing_m / self.span_grid
         self.physics = np.array([wheel.mass_kg, wheel.static_load_n, wheel.hertz_n_per_m15])
 
     def start(self, first_m: float) -> int:

@@ -10,7 +10,7 @@ Acustica 84 (1998) 854). A missing support is no special case: dK is then minus 
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,11 +28,14 @@ class SupportChange:
         sleeper: which; 0 is the last before the weld's centre, 1 the next, -1 the one before.
         below: share of the stiffness and damping beneath the sleeper; 0 hangs free.
         pad: share of the pad's; 0 is no support at all.
+        gap_m: how far the sleeper comes down until it rests; 0: it always does. Receptances, being linear, are those
+            of a sleeper that hangs free.
     """
 
     sleeper: int
     below: float = 1.0
     pad: float = 1.0
+    gap_m: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,11 @@ class LocalSupports:
     """Supports that differ from the track's, each sleeper once, in order along the rail."""
 
     changes: tuple[SupportChange, ...]
+
+    @property
+    def hanging(self) -> tuple[SupportChange, ...]:
+        """Return those over a gap."""
+        return tuple(change for change in self.changes if change.gap_m)
 
     @classmethod
     def of(cls, changes: Iterable[SupportChange]) -> "LocalSupports":
@@ -50,7 +58,7 @@ class LocalSupports:
     def mirrored(self) -> "LocalSupports":
         """Return the supports as a train against rising x meets them: sleeper 1 is the last before the weld then."""
         return LocalSupports(
-            tuple(SupportChange(1 - change.sleeper, change.below, change.pad) for change in reversed(self.changes))
+            tuple(replace(change, sleeper=1 - change.sleeper) for change in reversed(self.changes))
         )
 
     def places_m(self, track: Track) -> FloatArray:
@@ -64,9 +72,38 @@ class LocalSupports:
         mass = track.sleeper_mass_kg * omega**2
         found = []
         for change in self.changes:
-            own_pad, below = change.pad * pad, change.below * ballast - mass
+            own_pad, below = change.pad * pad, (0.0 if change.gap_m else change.below) * ballast - mass
             found.append(own_pad * below / (own_pad + below) - usual)
         return np.stack(found)
+
+    def sleeper_responses(
+        self, track: Track, waves: Waves, omega: FloatArray | ComplexArray, at_m: FloatArray
+    ) -> tuple[ComplexArray, ComplexArray]:
+        """Return how sleepers over a gap, while they hang, move with the rail and with each other.
+
+        Args:
+            track: the track with its usual supports.
+            waves: of that track at `omega`.
+            omega: (n_frequency,), rad/s.
+            at_m: (n_at,), points of the rail.
+
+        Returns:
+            (n_hanging, n_at, n_frequency), m/N: displacement of a sleeper by a force on the rail, and the reverse;
+            (n_hanging, n_hanging, n_frequency), m/N: of a sleeper by a force on a sleeper.
+        """
+        reactions, places = self.reactions(track, waves, omega), self.places_m(track)
+        rows = [self.changes.index(change) for change in self.hanging]
+        own = places[rows]
+        to_rail, to_each = responses_at(waves, places, at_m), responses_at(waves, places, own)
+        taken = np.einsum("iaf,ijf->jaf", to_each, reactions)
+        rail = responses_at(waves, own, at_m) - np.einsum("jaf,jbf->abf", taken, to_rail)
+        each = responses_at(waves, own, own) - np.einsum("jaf,jbf->abf", taken, to_each)
+        pad = np.stack([change.pad * track.pad.dynamic_stiffness(omega) for change in self.hanging])
+        whole = pad - track.sleeper_mass_kg * omega**2
+        followed = pad / whole
+        each = followed[:, None] * followed * each
+        each[np.arange(len(rows)), np.arange(len(rows))] += 1 / whole
+        return followed[:, None] * rail, each
 
     def reactions(self, track: Track, waves: Waves, omega: FloatArray | ComplexArray) -> ComplexArray:
         """Return R: forces on the rail, upwards positive as it goes down, per displacement that it would have without.
