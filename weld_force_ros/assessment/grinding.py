@@ -30,11 +30,11 @@ from weld_force_ros.messages import (
     profile_sha256,
 )
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.engines.greens_function import GreensFunctionModel
 from weld_force_ros.simulation import track_file
 from weld_force_ros.simulation.force_map_view import RelevantMap, relevant_range
 from weld_force_ros.simulation.running import directed_runs
 from weld_force_ros.simulation.simulator import Simulator
+from weld_force_ros.simulation.track_at_weld import TracksAtWelds
 
 MOST_ROUNDS = 8
 MOST_CHECKS = 3
@@ -94,8 +94,11 @@ class Adviser:
         self._settings, self._limits, self._grinder = settings, limits, grinder or Grinder()
         self._threads = threads
         self._simulator = Simulator(_fast(settings), on_fit=on_fit, threads=threads)
-        track = track_file.parse(settings.track_definition, settings.track).track
-        self._reference = GreensFunctionModel(track, self._simulator.vehicle_track.wheel, threads=threads)
+        self._exact = TracksAtWelds(
+            track_file.parse(settings.track_definition, settings.track),
+            changed(settings, engine="reference", uncertainty=UNSET),
+            threads=threads,
+        )
 
     def advise(self, profile: WeldProfile, *, on_step: Callable[[], None] = lambda: None) -> GrindingAdvice:
         """Return the minimum removal that brings a weld within its limits at all relevant speeds and positions.
@@ -153,9 +156,10 @@ class Adviser:
     def _search(self, profile: WeldProfile, relevant: RelevantMap, on_step: Callable[[], None]) -> _Found:
         """Search, check all speeds and positions, then the reference, until a removal passes both."""
         limits, x, z = LimitConstraints(self._limits, relevant), np.array(profile.x_m), np.array(profile.z_m)
+        vehicle_track = self._simulator.tracks.at(profile).vehicle_track
         grid = PassageGrid(
-            self._simulator.vehicle_track,
-            directed_runs(relevant.force_map.running, relevant.force_map.span_m),
+            vehicle_track,
+            directed_runs(relevant.force_map.running, vehicle_track.opposite_m),
             relevant.speeds_kmh,
             relevant.positions_m,
             self._threads,
@@ -163,6 +167,12 @@ class Adviser:
         )
         excess = limits.excess((x, z), relevant.passages)
         limits.watch(excess)
+        reference = self._exact.at(profile).vehicle_track
+        exact = replace(
+            grid,
+            vehicle_track=reference,
+            runs=directed_runs(relevant.force_map.running, reference.opposite_m),
+        )
         considered = _added(_spread(grid), _worst_axes(excess, grid))
         best, begin, checks = _Found(self._nothing(profile), largest(excess).max()), None, 0
         for _ in range(MOST_ROUNDS):
@@ -182,7 +192,7 @@ class Adviser:
                 if removal.reached:
                     continue
                 break
-            found, by_reference = self._checked(found, limits, grid, excess)
+            found, by_reference = self._checked(found, limits, exact, excess)
             best, checks = min(best, found, key=_preference), checks + 1
             if found.confirmed or checks == MOST_CHECKS:
                 break
@@ -190,10 +200,10 @@ class Adviser:
         return best
 
     def _checked(
-        self, found: _Found, limits: LimitConstraints, grid: PassageGrid, excess: list[FloatArray]
+        self, found: _Found, limits: LimitConstraints, exact: PassageGrid, excess: list[FloatArray]
     ) -> tuple[_Found, list[FloatArray]]:
         """Check the most critical passages by the reference; return also by how much they exceed each limit."""
-        critical = replace(grid.at(*_critical(grid, _by_passage(excess, grid.shape))), vehicle_track=self._reference)
+        critical = exact.at(*_critical(exact, _by_passage(excess, exact.shape)))
         ground = found.removal.x_m, found.removal.ground_m
         passages = critical.over([ground])[0]
         by_reference = limits.excess(ground, passages)

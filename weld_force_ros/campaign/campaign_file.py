@@ -79,6 +79,7 @@ class _CampaignFile(msgspec.Struct, forbid_unknown_fields=True):
     engine: str = "common-poles"
     contact_patch: str = "on"
     running: str = DEFAULT_RUNNING
+    support: str = ""
     limits: str | None = None
     batch_welds: Annotated[int, Meta(ge=1, le=10_000)] = DEFAULT_BATCH_WELDS
     out: str | None = None
@@ -179,4 +180,5 @@ def _settings(track: str, vehicle: _Vehicle, file: _CampaignFile, folder: Path) 
         hertz_n_per_m15=vehicle.hertz_n_per_m15,
         contact_patch=file.contact_patch,
         running=file.running,
+        support=file.support,
     )

@@ -76,6 +76,15 @@ class SimulationOptions:
         ),
     ] = None
 
+    support: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SLEEPER=SHARE,...",
+            help="Supports that differ at welds that do not state them: 0=0.02 hangs, 1=gap:0.8mm, 0=missing, 0=pad:2,"
+            " 1:6=4; sleeper 0 is the last before the weld.",
+        ),
+    ] = None
+
     @property
     def vehicle_text(self) -> str | None:
         """Return the vehicles with commas between them, as the nodes' parameter has them; None if none is given."""

@@ -25,10 +25,10 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from msgspec import UNSET
+from msgspec import UNSET, UnsetType
 
 from weld_force_ros._files import whole_file
-from weld_force_ros.errors import ProfileError, os_errors_as
+from weld_force_ros.errors import InputError, ProfileError, os_errors_as
 from weld_force_ros.measurement import geometry, record, statements
 from weld_force_ros.measurement.file_records import FileRecord, file_records
 from weld_force_ros.measurement.instruments import InstrumentFormat
@@ -37,9 +37,13 @@ from weld_force_ros.measurement.sample_table import SampleTable
 from weld_force_ros.measurement.statements import Stated
 from weld_force_ros.measurement.text_file import MAX_FILE_BYTES, TextFile, text_file
 from weld_force_ros.messages import (
+    SupportState,
     WeldProfile,
+    mirrored_support,
+    parse_support,
     profile_problem,
     profile_sha256,
+    support_text,
 )
 
 _LONGEST_REASON = 300  # it may repeat what the file says
@@ -248,8 +252,11 @@ def _understood(
     _check_bounds(found.x_m, found.z_m, mended, header)
     content: dict[str, Any] = {"weld_id": name}
     content |= {key: header[key].text for key in (*statements.TEXTS, "kind", "running") if key in header}
+    if "support" in header:
+        content["support"] = _support(header["support"])
     if form.x_direction == "against":  # turned, so that x rises in the running direction
         content.setdefault("running", "with")
+        content |= {"support": mirrored_support(content["support"])} if "support" in content else {}
     content |= {"weld_id": table.weld} if table.weld else {}
     content |= {key: statements.stated_number(header[key], key) for key in statements.NUMBERS if key in header}
     if "chainage_m" not in content and abs(found.centre) > _CHAINAGE_FROM_M:
@@ -318,6 +325,13 @@ def profile_csv(profile: WeldProfile, source: str) -> str:
     return text
 
 
+def _support(statement: Stated) -> list[SupportState]:
+    try:
+        return parse_support(statement.text)
+    except InputError as error:
+        raise ProfileError(f"{statement.where}{error.reason}", error.remedy) from None
+
+
 def samples_csv(profile: WeldProfile, *, noise: str) -> str:
     """Return the samples of a profile in the CSV form.
 
@@ -330,6 +344,8 @@ def samples_csv(profile: WeldProfile, *, noise: str) -> str:
         for key in (*statements.TEXTS, *statements.NUMBERS, "kind", "running")
         if (value := getattr(profile, key)) is not UNSET
     }
+    if not isinstance(profile.support, UnsetType):
+        present["support"] = support_text(profile.support)
     stated = present | {"x_unit": "mm", "z_unit": "um", "z_positive": "up", "detrend": "none", "centre": "0"}
     stated |= {"noise": noise, "samples": len(profile.x_m)}
     header = [f"# {key}: {_printable(str(value))}" for key, value in stated.items()]

@@ -19,7 +19,7 @@ TEXTS = ("weld_id", "rail", "instrument", "operator", "measured_on")
 NUMBERS = ("chainage_m", "line_speed_kmh", "weld_position_m")
 KINDS = ("weld", "joint", "squat")
 RUNNING = ("with", "against", "both")
-KEYS = (*REQUIRED, *TEXTS, *NUMBERS, "running", "kind", "detrend", "centre", "noise", "samples")
+KEYS = (*REQUIRED, *TEXTS, *NUMBERS, "running", "support", "kind", "detrend", "centre", "noise", "samples")
 
 _CHOICES = {"z_positive": ("up", "down"), "detrend": ("line", "none"), "kind": (*KINDS, "wheel"), "running": RUNNING}
 _WORDS = {

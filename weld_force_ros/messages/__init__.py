@@ -93,6 +93,13 @@ from weld_force_ros.messages.simulation import (
     UncertaintyResult,
     config_sha256,
 )
+from weld_force_ros.messages.support import (
+    SupportState,
+    mirrored_support,
+    parse_support,
+    support_in_words,
+    support_text,
+)
 from weld_force_ros.messages.topics import SCHEMAS, TOPICS, Topic, json_schema
 
 __all__ = [
@@ -165,6 +172,7 @@ __all__ = [
     "SpeedCurve",
     "SpeedKmh",
     "Stamp",
+    "SupportState",
     "Text",
     "Topic",
     "Uncertainty",
@@ -184,6 +192,10 @@ __all__ = [
     "legible",
     "limits_sha256",
     "measurement_id",
+    "mirrored_support",
+    "parse_support",
     "profile_problem",
     "profile_sha256",
+    "support_in_words",
+    "support_text",
 ]

@@ -33,6 +33,7 @@ from weld_force_ros.messages.fields import (
     wrong_length,
 )
 from weld_force_ros.messages.profile import ProfileMeasures
+from weld_force_ros.messages.support import SupportState
 
 
 class Uncertainty(msgspec.Struct, kw_only=True, frozen=True):
@@ -71,7 +72,7 @@ class Uncertainty(msgspec.Struct, kw_only=True, frozen=True):
 class SimulationSettings(Message, kw_only=True):
     """Everything that a force map depends on beside the profile; latched, so that every recording holds it.
 
-    `running` is that of profiles which do not state it; if unset, with.
+    `running` and `support` are those of profiles which do not state them; if unset, with, and as the track has it.
     """
 
     config_sha256: Sha256
@@ -96,6 +97,7 @@ class SimulationSettings(Message, kw_only=True):
     ) = UNSET
     uncertainty: Uncertainty | UnsetType = UNSET
     running: Running | UnsetType = UNSET
+    support: Annotated[list[SupportState], Meta(max_length=18)] | UnsetType = UNSET
 
     @property
     def patch_half_length_m(self) -> float:
@@ -221,6 +223,7 @@ class ForceMap(Message, kw_only=True):
     rail: Name | UnsetType = UNSET
     running: Running | UnsetType = UNSET
     against: OppositeDirection | UnsetType = UNSET
+    support: Annotated[list[SupportState], Meta(max_length=18)] | UnsetType = UNSET
     judged_together: Annotated[
         list[Sha256],
         Meta(

@@ -86,6 +86,24 @@ def _state(sleeper: int, said: str, entry: str) -> SupportState:
     return SupportState(sleeper=sleeper, pad_share=share) if of_pad else SupportState(sleeper=sleeper, share=share)
 
 
+def support_text(states: Sequence[SupportState]) -> str:
+    """Return supports as `parse_support` reads them; `none` where all are as usual."""
+    return ",".join(f"{state.sleeper}={_said(state)}" for state in states) or "none"
+
+
+def _said(state: SupportState) -> str:
+    if isinstance(state.gap_m, float):
+        return f"gap:{state.gap_m!r}m"
+    if state.pad_share != 1.0:
+        return "missing" if state.pad_share == 0.0 else f"pad:{state.pad_share!r}"
+    return repr(state.share)
+
+
+def mirrored_support(states: Sequence[SupportState]) -> list[SupportState]:
+    """Return supports as they are met in the opposite direction: sleeper 1 is the last before the weld then."""
+    return [msgspec.structs.replace(state, sleeper=1 - state.sleeper) for state in reversed(states)]
+
+
 def support_in_words(states: Sequence[SupportState] | UnsetType) -> str:
     """Return supports as people read them; nothing where all are as usual."""
     if isinstance(states, UnsetType):

@@ -98,6 +98,9 @@ PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
             "running", "both", "how trains run over welds that do not state it: with (rising x), against or both"
         ),
         NodeParameter(
+            "support", "", "supports that differ at welds that do not state them: 0=0.02,1=0.5; sleeper 0 is before it"
+        ),
+        NodeParameter(
             "uncertainty_samples",
             DEFAULT_UNCERTAINTY_SAMPLES,
             "samples of what is not known, for verdicts with probabilities; 0: none",
@@ -210,6 +213,7 @@ def settings_from_parameters(values: Mapping[str, Any]) -> list[SimulationSettin
         ),
         "contact_patch": given["contact_patch"],
         "running": given["running"],
+        "support": given["support"],
         **{name: given[name] or None for name in wheel},
     }
     return [simulation_settings(vehicle=vehicle, **of_any_vehicle) for vehicle in parse_vehicles(given["vehicle"])]

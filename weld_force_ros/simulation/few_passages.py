@@ -188,7 +188,7 @@ class FewPassages:
         beside = Passages.beside(list(nominal.values()))
         by_p2 = _by_p2(beside)
         choices = [*_impacts(beside, len(positions_m)), _low_passed(beside, by_p2, positions_m, self._span_m)]
-        runs = [Run(direction, self._span_m) for direction in nominal]
+        runs = [Run(direction, self._solvers[0].model.opposite_m) for direction in nominal]
         geometries = np.concatenate([samples_m, z_m[None]])
         radii = np.append(self._draws.wheel_radius_m, self._wheel.radius_m)
         with executor(self._threads) as pool:

@@ -7,6 +7,7 @@ import contextlib
 import hashlib
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal, overload
@@ -16,16 +17,26 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from weld_force_ros import __version__, _files
-from weld_force_ros.physics.engines import rational_search
-from weld_force_ros.physics.engines.common_poles import BAND_HZ, REPORT_BANDS, PoleModel, default_fit, relative_error
+from weld_force_ros.errors import InputError
+from weld_force_ros.physics.engines import rational_search, window_fit
+from weld_force_ros.physics.engines.common_poles import (
+    BAND_HZ,
+    REPORT_BANDS,
+    ErrorBand,
+    PoleModel,
+    default_fit,
+    relative_error,
+)
 from weld_force_ros.physics.engines.rational_fractions import RfpModel
-from weld_force_ros.physics.track.beam import Track
+from weld_force_ros.physics.track.beam import StripRail, Track
 from weld_force_ros.physics.track.causality import acausal
+from weld_force_ros.physics.track.local_support import LocalSupports
 from weld_force_ros.physics.track.support import Spring, Support
 from weld_force_ros.simulation.track_file import TrackDefinition
 
 # Part of every fit's key: raise it when the fit of the same track would come out differently.
 FIT_VERSION = 2
+_WINDOW_VERSION = 1
 
 FittedEngine = Literal["common-poles", "rfp"]
 
@@ -64,6 +75,8 @@ class PolesFit(Fit, kw_only=True, tag="common-poles"):
     poles_im_rad_s: list[float]
     residues_re: list[float]
     residues_im: list[float]
+    spans: int = 1
+    image_m: float = 0.0
 
     def model(self) -> PoleModel:
         """Return the fitted track."""
@@ -73,6 +86,8 @@ class PolesFit(Fit, kw_only=True, tag="common-poles"):
             residues=(np.array(self.residues_re) + 1j * np.array(self.residues_im)).reshape(shape),
             section_m=np.array(self.section_m),
             spacing_m=self.spacing_m,
+            spans=self.spans,
+            image_m=self.image_m,
         )
 
 
@@ -190,6 +205,64 @@ def fitted(
     return fit
 
 
+def fitted_window(
+    definition: TrackDefinition, supports: LocalSupports, *, on_fit: Callable[[str], None] | None = None
+) -> PolesFit:
+    """Return the fit of a track near supports that differ: cached, or made now and cached; see `fitted`.
+
+    Raises:
+        InputError: the track or the supports have no such fit.
+        NumericalError: no usable fit was found.
+    """
+    check_window(definition.track, supports)
+    key = hashlib.sha256(
+        msgspec.json.encode([_WINDOW_VERSION, key_of(definition), asdict(supports)], order="sorted")
+    ).hexdigest()
+    found = _read(_files.cache_folder("fits") / f"{key}.json", key)
+    if isinstance(found, PolesFit):
+        return found
+    if on_fit:
+        on_fit(f"fitting track {definition.track.name} with supports of its own, once: some ten seconds")
+    track, compliance = definition.track, definition.wheel.compliance
+    with threadpool_limits(limits=1, user_api="blas"):
+        model = window_fit.window_fit(track, supports, compliance)
+    error = partial(window_fit.window_error, model, track, supports, compliance)
+    fit = PolesFit(
+        **_account(definition, key, model, error),
+        section_m=model.section_m.tolist(),
+        poles_re_rad_s=model.poles_rad_s.real.tolist(),
+        poles_im_rad_s=model.poles_rad_s.imag.tolist(),
+        residues_re=model.residues.real.ravel().tolist(),
+        residues_im=model.residues.imag.ravel().tolist(),
+        spans=model.spans,
+        image_m=model.image_m,
+    )
+    keep(fit)
+    return fit
+
+
+def check_window(track: Track, supports: LocalSupports) -> None:
+    """Raise an InputError where supports that differ cannot be told, or a gap by a linear model."""
+    check_local_supports(track)
+    if supports.hanging:
+        raise InputError(
+            "a sleeper over a gap is not linear: engine common-poles cannot have it",
+            "use --engine reference, or bound it: SLEEPER=0 hangs free, SLEEPER=1 always rests",
+        )
+
+
+def check_local_supports(track: Track) -> None:
+    """Raise an InputError where a track has no single supports to change."""
+    if track.continuous:
+        raise InputError(
+            f"track {track.name} is supported continuously: no single support can differ", "use a track on sleepers"
+        )
+    if isinstance(track.rail, StripRail):
+        raise InputError(
+            f"track {track.name}: supports that differ need a rail that is a beam", "write `model: timoshenko`"
+        )
+
+
 def keep(fit: AnyFit) -> None:
     """Put a fit into the user's cache."""
     with contextlib.suppress(OSError):  # a read-only home costs time at the next start, nothing else
@@ -212,7 +285,7 @@ def make_poles(definition: TrackDefinition) -> PolesFit:
     with threadpool_limits(limits=1, user_api="blas"):
         model = default_fit(definition.track, definition.wheel.compliance)
     return PolesFit(
-        **_account(definition, key_of(definition), model),
+        **_account(definition, key_of(definition), model, _error_of(definition, model)),
         section_m=model.section_m.tolist(),
         poles_re_rad_s=model.poles_rad_s.real.tolist(),
         poles_im_rad_s=model.poles_rad_s.imag.tolist(),
@@ -263,7 +336,7 @@ def make_rfp(
     model = task.fit_at(genes)
     poles = model.poles()
     return RfpFit(
-        **_account(definition, key, model),
+        **_account(definition, key, model, _error_of(definition, model)),
         **{name: getattr(how, name) for name in ("seed", "generations", "population")},
         section_count=len(model.denominator),
         scale_rad_s=model.scale_rad_s,
@@ -288,8 +361,14 @@ def _interrupted(file: Path, key: str) -> rational_search.Population | None:
     return rational_search.Population(state.generation, np.array(state.genes)) if state.key == key else None
 
 
-def _account(definition: TrackDefinition, key: str, model: PoleModel | RfpModel) -> dict[str, Any]:
-    """Return the fields that every fit has."""
+def _error_of(definition: TrackDefinition, model: PoleModel | RfpModel) -> Callable[[ErrorBand], float]:
+    return partial(relative_error, model, definition.track, definition.wheel.compliance)
+
+
+def _account(
+    definition: TrackDefinition, key: str, model: PoleModel | RfpModel, error: Callable[[ErrorBand], float]
+) -> dict[str, Any]:
+    """Return the fields that every fit has; `error` is that of `model` over a band."""
     track, compliance = definition.track, definition.wheel.compliance
     before = acausal(track, track.spacing_m / 2)
     return {
@@ -298,9 +377,9 @@ def _account(definition: TrackDefinition, key: str, model: PoleModel | RfpModel)
         "software": f"weld_force_ros {__version__}",
         "order": model.order,
         "spacing_m": model.spacing_m,
-        "error": relative_error(model, track, compliance, BAND_HZ),
+        "error": error(BAND_HZ),
         "bands_hz": [end for band in REPORT_BANDS for end in band],
-        "error_by_band": [relative_error(model, track, compliance, band) for band in REPORT_BANDS],
+        "error_by_band": [error(band) for band in REPORT_BANDS],
         "acausal_energy_share": before.energy_share,
         "acausal_floor_by_band": [before.floor(compliance, band) for band in REPORT_BANDS],
     }

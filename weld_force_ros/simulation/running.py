@@ -1,7 +1,8 @@
 """Run over a weld in either direction: against rising x is with it over the mirror image.
 
 The track is the same on either side of a sleeper. So a passage against rising x over a weld at a position p is one with
-rising x over the mirrored weld at span - p.
+rising x over the mirrored weld at span - p. Where a few supports differ, the track's mirror image lies further along,
+and it is one at `opposite_m` - p (`weld_force_ros.physics.engines.window_fit`).
 """
 
 from collections.abc import Callable, Sequence
@@ -12,7 +13,7 @@ import numpy as np
 from msgspec import UnsetType
 from msgspec.structs import replace as changed
 
-from weld_force_ros.messages import Direction, Running, SimulationSettings, WeldProfile
+from weld_force_ros.messages import Direction, Running, SimulationSettings, WeldProfile, mirrored_support
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.wheel_path import WheelPath
 
@@ -44,11 +45,11 @@ class Run:
 
     Attributes:
         direction: of the passages.
-        span_m: sleeper spacing.
+        opposite_m: what a place is met at against rising x, plus the place.
     """
 
     direction: Direction
-    span_m: float
+    opposite_m: float
 
     def path(self, wheel_path: WheelPath) -> WheelPath:
         """Return the wheel's path as it is met."""
@@ -56,16 +57,16 @@ class Run:
 
     def places(self, x_m: FloatArray) -> FloatArray:
         """Return places along rising x from those of a passage, or the other way round."""
-        return x_m if self.direction == "with" else np.asarray(self.span_m - x_m)
+        return x_m if self.direction == "with" else np.asarray(self.opposite_m - x_m)
 
     def place(self, x_m: float) -> float:
         """Return one place as `places` does."""
-        return x_m if self.direction == "with" else self.span_m - x_m
+        return x_m if self.direction == "with" else self.opposite_m - x_m
 
 
-def directed_runs(running: Running | UnsetType, span_m: float) -> list[Run]:
-    """Return the passages that are simulated, in each direction."""
-    return [Run(direction, span_m) for direction in directions(running)]
+def directed_runs(running: Running | UnsetType, opposite_m: float) -> list[Run]:
+    """Return the passages that are simulated, in each direction; `opposite_m` as of `Run`."""
+    return [Run(direction, opposite_m) for direction in directions(running)]
 
 
 def direction_in_words(running: Running | UnsetType) -> str:
@@ -96,6 +97,7 @@ def mirror_image(profile: WeldProfile) -> WeldProfile:
         measured_x_m=_of_known(_negated, profile.measured_x_m),
         measured_z_m=_of_known(_reversed, profile.measured_z_m),
         noise=noise,
+        support=profile.support if isinstance(profile.support, UnsetType) else mirrored_support(profile.support),
     )
 
 

@@ -15,6 +15,7 @@ from weld_force_ros.physics.passage.state_space import StateModel
 from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import wheel_path_over
 from weld_force_ros.physics.threads import executor
+from weld_force_ros.physics.track.local_support import LocalSupports
 from weld_force_ros.simulation import fit_store
 from weld_force_ros.simulation.few_passages import FewPassages, support_levels
 from weld_force_ros.simulation.force_map_view import Passages, RelevantMap, rounded
@@ -37,6 +38,7 @@ class Sampler:
         definition: the nominal track; samples with other supports are fitted once and kept in the user's cache.
         wheel: the nominal wheel.
         unknown: what is drawn, and how often.
+        supports: those that differ from the track's.
         patch_m: half length of the contact patch that heights are averaged over; 0: none.
         on_fit: called with a line of text if a fit has to be made.
         threads: that compute; one a core, if not given.
@@ -47,6 +49,7 @@ class Sampler:
         definition: TrackDefinition,
         wheel: Wheel,
         unknown: Uncertainty,
+        supports: LocalSupports | None = None,
         *,
         patch_m: float = 0.0,
         on_fit: Callable[[str], None] | None = None,
@@ -60,8 +63,7 @@ class Sampler:
         few = unknown.design == "quasi-random" and USE_SIMD
         factors = support_levels(unknown) if few else np.unique(self._draws.support_factor)
         self._models: dict[float, StateModel] = {
-            factor: fit_store.fitted(supported(definition, factor), on_fit=on_fit).model()
-            for factor in factors.tolist()
+            factor: _fitted(supported(definition, factor), supports, on_fit).model() for factor in factors.tolist()
         }
         self._few: dict[bool, FewPassages] = {}
         if few:
@@ -102,7 +104,8 @@ class Sampler:
         if few is not None and few.serves(speeds_kmh):
             worst = few.worst(x_m, z_m, profiles, positions_m, speeds_kmh, relevant.by_direction)
         else:
-            runs = [Run(direction, relevant.force_map.span_m) for direction in relevant.by_direction]
+            opposite_m = next(iter(self._models.values())).opposite_m
+            runs = [Run(direction, opposite_m) for direction in relevant.by_direction]
             parts = [self._everywhere(x_m, profiles, speeds_kmh, positions_m, run) for run in runs]
             worst = Passages.stacked(parts).worst(axis=0)
         with executor(self._threads) as pool:
@@ -140,6 +143,14 @@ class Sampler:
             for i, peak_map in zip(samples.tolist(), chain([first], rest), strict=True):
                 worst[i] = Passages.of_peak_map(peak_map, self._wheel.static_load_n).worst(axis=0)
         return Passages.stacked([worst[i] for i in range(self.unknown.samples)])
+
+
+def _fitted(
+    definition: TrackDefinition, supports: LocalSupports | None, on_fit: Callable[[str], None] | None
+) -> fit_store.PolesFit:
+    if supports is None:
+        return fit_store.fitted(definition, on_fit=on_fit)
+    return fit_store.fitted_window(definition, supports, on_fit=on_fit)
 
 
 def _samples_by_stiffness(draws: Draws) -> Iterator[tuple[float, float, NDArray[np.intp]]]:

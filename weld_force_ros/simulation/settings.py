@@ -21,6 +21,7 @@ from weld_force_ros.messages import (
     config_sha256,
     encode,
     legible,
+    parse_support,
 )
 from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.simulation import track_file, vehicle_file
@@ -103,6 +104,7 @@ def simulation_settings(
     hertz_n_per_m15: float | None = None,
     contact_patch: str = "on",
     running: str = DEFAULT_RUNNING,
+    support: str = "",
     uncertainty: Uncertainty | None = None,
 ) -> SimulationSettings:
     """Complete and check the settings of a simulation; what is not given for the wheel is the vehicle's.
@@ -119,6 +121,7 @@ def simulation_settings(
         hertz_n_per_m15: Hertz constant.
         contact_patch: `on`: the rail's heights are averaged over the patch that Hertz' theory gives; `off`: not.
         running: how trains run over welds that do not state it: `with` rising x, `against` it, or `both`.
+        support: supports that differ from the track's at welds that do not state them, such as `0=0.02,1=0.5`.
         uncertainty: what is drawn for verdicts with probabilities; none if not given.
 
     Raises:
@@ -155,6 +158,7 @@ def simulation_settings(
         hertz_n_per_m15=wheel.hertz_n_per_m15,
         contact_patch_m=round(wheel.contact_half_length_m(), 6) if contact_patch == "on" else UNSET,
         running=cast(Running, running),
+        support=parse_support(support) or UNSET,
         uncertainty=uncertainty or UNSET,
     )
     return _identified(settings)

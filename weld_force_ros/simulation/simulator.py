@@ -15,21 +15,17 @@ from weld_force_ros.messages import (
     OppositeDirection,
     SimulationSettings,
     SpeedCurve,
-    Uncertainty,
     WeldProfile,
 )
-from weld_force_ros.physics.engines.common_poles import BAND_HZ
 from weld_force_ros.physics.engines.greens_function import GreensFunctionModel
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.peak_map import PeakMap
-from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
-from weld_force_ros.physics.track.causality import acausal
-from weld_force_ros.simulation import fit_store, track_file
+from weld_force_ros.simulation import track_file
 from weld_force_ros.simulation.force_map_view import Passages, relevant_positions, relevant_range, rounded
 from weld_force_ros.simulation.profile_measures import profile_measures
 from weld_force_ros.simulation.running import Run, directed_runs, drawn_alike, stated_running
-from weld_force_ros.simulation.sampling import Sampler
+from weld_force_ros.simulation.track_at_weld import TrackAtWeld, TracksAtWelds, stated_support
 from weld_force_ros.simulation.worst_places import possibly_worst
 
 # Messages keep what means something: 0.01 N is a ten-millionth of a wheel load, 0.1 nm far below any roughness.
@@ -68,26 +64,15 @@ class Simulator:
         self.settings = settings
         # The text, not the name: a recording then holds all that its replay needs.
         definition = track_file.parse(settings.track_definition, settings.track)
-        wheel = Wheel(settings.wheel_mass_kg, settings.static_load_n, settings.wheel_radius_m, settings.hertz_n_per_m15)
         self._span_m = definition.track.spacing_m
         self._pad_n_per_m = definition.track.support.pad.stiffness_n_per_m
-        self.vehicle_track: VehicleTrackModel | GreensFunctionModel
-        if settings.engine == "reference":
-            self.vehicle_track = GreensFunctionModel(definition.track, wheel, threads=threads)
-            self._model_error = acausal(definition.track, self._span_m / 2, threads=threads).floor(
-                wheel.compliance, BAND_HZ
-            )
-        else:
-            fit = fit_store.fitted(definition, settings.engine, on_fit=on_fit)
-            self.vehicle_track = VehicleTrackModel(fit.model(), wheel, threads=threads)
-            self._model_error = fit.error
+        self.tracks = TracksAtWelds(definition, settings, threads=threads, on_fit=on_fit)
         self._with_curves = curves and settings.engine == "common-poles"
-        self._sampler: Sampler | None = None
-        if isinstance(settings.uncertainty, Uncertainty):
-            patch_m = settings.patch_half_length_m
-            self._sampler = Sampler(
-                definition, wheel, settings.uncertainty, patch_m=patch_m, on_fit=on_fit, threads=threads
-            )
+
+    @property
+    def vehicle_track(self) -> VehicleTrackModel | GreensFunctionModel:
+        """Return the wheel on the track as it usually is."""
+        return self.tracks.usual.vehicle_track
 
     def wheel_path(self, profile: WeldProfile) -> WheelPath:
         """Return the path of the wheel's centre over a profile."""
@@ -106,16 +91,16 @@ class Simulator:
             InputError: the weld's position lies beyond the sleeper span.
         """
         self._check_position(profile)
-        began, wheel_path, runs = time.perf_counter(), self.wheel_path(profile), self._runs(profile)
-        positions = np.array(self.settings.positions_m)
-        peak_maps = self.vehicle_track.maps_of_few(
+        began, wheel_path, track = time.perf_counter(), self.wheel_path(profile), self.tracks.at(profile)
+        runs, positions = self._runs(profile, track), np.array(self.settings.positions_m)
+        peak_maps = track.vehicle_track.maps_of_few(
             [run.path(wheel_path) for run in runs],
             self.settings.speeds_kmh,
             np.stack([run.places(positions) for run in runs]),
             low_passed=True,
             on_speed=on_speed,
         )
-        return self._force_map(profile, wheel_path, runs, peak_maps, began)
+        return self._force_map(profile, wheel_path, track, runs, peak_maps, began)
 
     def force_maps(self, profiles: Sequence[WeldProfile]) -> Iterator[ForceMap]:
         """Compute `force_map` of many welds, in their order: faster than one by one, as they share the SIMD lanes.
@@ -130,24 +115,24 @@ class Simulator:
             self._check_position(profile)
         began, positions = time.perf_counter(), np.array(self.settings.positions_m)
         wheel_paths = [self.wheel_path(profile) for profile in profiles]
-        runs = [self._runs(profile) for profile in profiles]
-        met = [(run, path) for own, path in zip(runs, wheel_paths, strict=True) for run in own]
-        peak_maps = iter(
-            list(
-                self.vehicle_track.peak_maps(
+        tracks = [self.tracks.at(profile) for profile in profiles]
+        runs = [self._runs(*own) for own in zip(profiles, tracks, strict=True)]
+        found: dict[int, list[PeakMap]] = {}
+        for track in {id(track): track for track in tracks}.values():
+            alike = [i for i, own in enumerate(tracks) if own is track]
+            met = [(run, wheel_paths[i]) for i in alike for run in runs[i]]
+            peak_maps = iter(
+                track.vehicle_track.peak_maps(
                     [run.path(path) for run, path in met],
                     self.settings.speeds_kmh,
                     np.array([run.places(positions) for run, _ in met]),
                     low_passed=True,
                 )
             )
-            if met
-            else []
-        )
+            found |= {i: [next(peak_maps) for _ in runs[i]] for i in alike}
         share_s = (time.perf_counter() - began) / max(1, len(profiles))
-        for profile, wheel_path, own in zip(profiles, wheel_paths, runs, strict=True):
-            maps = [next(peak_maps) for _ in own]
-            yield self._force_map(profile, wheel_path, own, maps, time.perf_counter() - share_s)
+        for i, (profile, wheel_path) in enumerate(zip(profiles, wheel_paths, strict=True)):
+            yield self._force_map(profile, wheel_path, tracks[i], runs[i], found[i], time.perf_counter() - share_s)
 
     def _check_position(self, profile: WeldProfile) -> None:
         at_m = profile.weld_position_m
@@ -157,11 +142,17 @@ class Simulator:
                 "state metres after the sleeper before the weld (30 cm is 0.3), or the track with that span",
             )
 
-    def _runs(self, profile: WeldProfile) -> list[Run]:
-        return directed_runs(stated_running(profile, self.settings), self._span_m)
+    def _runs(self, profile: WeldProfile, track: TrackAtWeld) -> list[Run]:
+        return directed_runs(stated_running(profile, self.settings), track.vehicle_track.opposite_m)
 
     def _force_map(
-        self, profile: WeldProfile, wheel_path: WheelPath, runs: list[Run], peak_maps: list[PeakMap], began_s: float
+        self,
+        profile: WeldProfile,
+        wheel_path: WheelPath,
+        track: TrackAtWeld,
+        runs: list[Run],
+        peak_maps: list[PeakMap],
+        began_s: float,
     ) -> ForceMap:
         settings = self.settings
         columns = [self._columns(run, peak_map) for run, peak_map in zip(runs, peak_maps, strict=True)]
@@ -175,7 +166,7 @@ class Simulator:
             positions_m=settings.positions_m,
             static_load_n=settings.static_load_n,
             span_m=self._span_m,
-            model_error=round(self._model_error, 6),
+            model_error=round(track.fit_error, 6),
             pad_n_per_m=self._pad_n_per_m,
             vehicle=settings.vehicle,
             measures=profile_measures(profile),
@@ -186,14 +177,15 @@ class Simulator:
             rail=profile.rail,
             running=stated_running(profile, settings),
             against=OppositeDirection(**columns[1]) if len(runs) > 1 else UNSET,
+            support=list(stated_support(profile, settings)) or UNSET,
             **columns[0],
         )
         if self._with_curves:
-            force_map.curve = self._curve(wheel_path, runs, peak_maps, profile.weld_position_m)
-        if self._sampler is not None:
-            relevant, draw = relevant_range(force_map), self._sampler.geometries
+            force_map.curve = self._curve(wheel_path, track, runs, peak_maps, profile.weld_position_m)
+        if track.sampler is not None:
+            relevant, draw = relevant_range(force_map), track.sampler.geometries
             geometries = drawn_alike(profile, draw) if len(runs) > 1 else draw(profile)
-            force_map.spread = self._sampler.result(np.array(profile.x_m), np.array(profile.z_m), relevant, geometries)
+            force_map.spread = track.sampler.result(np.array(profile.x_m), np.array(profile.z_m), relevant, geometries)
         force_map.elapsed_s = time.perf_counter() - began_s
         return force_map
 
@@ -206,7 +198,12 @@ class Simulator:
         }
 
     def _curve(
-        self, wheel_path: WheelPath, runs: list[Run], peak_maps: list[PeakMap], weld_position_m: float | UnsetType
+        self,
+        wheel_path: WheelPath,
+        track: TrackAtWeld,
+        runs: list[Run],
+        peak_maps: list[PeakMap],
+        weld_position_m: float | UnsetType,
     ) -> SpeedCurve:
         """Return the worst over relevant positions and directions at every whole km/h and every speed of the map.
 
@@ -218,9 +215,9 @@ class Simulator:
         between = np.setdiff1d(np.arange(np.ceil(speeds[0]), speeds[-1]), speeds)
         parts = [Passages.beside([self._passages(peak_map).at(np.s_[:, relevant]) for peak_map in peak_maps])]
         if len(between):
-            assert isinstance(self.vehicle_track, VehicleTrackModel), "engines with curves are fitted"  # noqa: S101
+            assert isinstance(track.vehicle_track, VehicleTrackModel), "engines with curves are fitted"  # noqa: S101
             selected = possibly_worst(parts[0], speeds, between)
-            finer = self.vehicle_track.maps_of_few(
+            finer = track.vehicle_track.maps_of_few(
                 [run.path(wheel_path) for run in runs],
                 between,
                 np.stack([run.places(places) for run in runs]),
@@ -263,10 +260,11 @@ class Simulator:
         Raises:
             NumericalError: the passage did not stay finite.
         """
-        run = directed_runs(running, self._span_m)[0]
+        vehicle_track = self.tracks.at(profile).vehicle_track
+        run = directed_runs(running, vehicle_track.opposite_m)[0]
         met_m = run.place(position_m)
         end_m = 0.0 if until_m is None else run.place(until_m)
-        history = self.vehicle_track.history(run.path(self.wheel_path(profile)), speed_kmh, met_m, until_m=end_m)
+        history = vehicle_track.history(run.path(self.wheel_path(profile)), speed_kmh, met_m, until_m=end_m)
         step = max(1, round(_HISTORY_STEP_M / (history.x_m[1] - history.x_m[0])))
         every = slice(None, None, step if run.direction == "with" else -step)  # x rises in messages
         return ForceHistory(

@@ -49,6 +49,7 @@ class PoleModel:
         section_m: (n_section,), metres after sleeper 0.
         spacing_m: from sleeper to sleeper.
         spans: number of spans that residues repeat with; more than one where a few supports differ.
+        image_m: where sleeper 0 of the track's mirror image lies; at 0 where the track is its own.
     """
 
     poles_rad_s: ComplexArray
@@ -56,12 +57,18 @@ class PoleModel:
     section_m: FloatArray
     spacing_m: float
     spans: int = 1
+    image_m: float = 0.0
     _grids: dict[bytes, tuple[ComplexArray, FloatArray]] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def order(self) -> int:
         """Return the number of states: two for a conjugate pair, one for a real pole."""
         return int(np.sum(np.where(self.poles_rad_s.imag == 0, 1, 2)))
+
+    @property
+    def opposite_m(self) -> float:
+        """Return what a place x is met at against rising x, plus x."""
+        return self.image_m + self.spacing_m
 
     @property
     def period_m(self) -> float:

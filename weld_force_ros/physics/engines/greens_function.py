@@ -43,7 +43,7 @@ from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import WheelPath
 from weld_force_ros.physics.threads import executor
 from weld_force_ros.physics.track import beam
-from weld_force_ros.physics.track.beam import Track, Waves
+from weld_force_ros.physics.track.beam import Track
 from weld_force_ros.physics.track.local_support import LocalSupports
 
 STEP_S = 25e-6
@@ -54,7 +54,10 @@ MEMORY_S = 0.125
 LEAD_IN_S = 0.12
 RUN_OUT_S = 0.08
 _MOST_REMEMBERED = 8  # speeds, up to 5 MB each
+_IMAGE_SPANS = 1000
+"""Where the mirror image of a track lies whose supports differ: far from the track itself."""
 _WINDOW = 4.6  # ln 100
+_AROUND_SPANS = 3.0  # of rail about supports that differ, whose peaks count
 _JUMP_DECAY_RAD_S = 2 * np.pi * 1000.0
 
 
@@ -109,7 +112,17 @@ class GreensFunctionModel:
         self._threads = threads
         self.wheel = wheel
         self._physics = np.array([wheel.mass_kg, wheel.static_load_n, wheel.hertz_n_per_m15])
-        self._remembered: dict[float, _Responses] = {}
+        self._remembered: dict[tuple[float, bool], _Responses] = {}
+
+    @property
+    def opposite_m(self) -> float:
+        """Return what a place x is met at against rising x, plus x; see `VehicleTrackModel`."""
+        return self.track.spacing_m * (1 if self.supports is None else 1 + _IMAGE_SPANS)
+
+    def _from_sleeper_0(self, position_m: float) -> tuple[float, bool]:
+        """Return how far sleeper 0 is from the origin of a position, and whether it is that of the mirror image."""
+        image_m = self.opposite_m - self.track.spacing_m
+        return (image_m, True) if image_m and position_m > image_m / 2 else (0.0, False)
 
     def peak_map(
         self,
@@ -151,14 +164,21 @@ class GreensFunctionModel:
         results = np.empty((len(wheel_paths), len(speeds), positions.shape[1], 4 + filters))
         with executor(self._threads) as pool:
             for row, speed in enumerate(speeds):
-                responses = self._responses(speed, pool)
+                images = {self._from_sleeper_0(position)[1] for position in positions.ravel().tolist()}
+                either = {image: self._responses(speed, image, pool) for image in images}
 
                 def peak(
-                    cell: tuple[int, int], responses: _Responses = responses, row: int = row, speed: float = speed
+                    cell: tuple[int, int],
+                    either: dict[bool, _Responses] = either,
+                    row: int = row,
+                    speed: float = speed,
                 ) -> None:
                     weld, column = cell
-                    passage = self._over_weld(responses, wheel_paths[weld], speed, positions[weld, column])
+                    from_m, image = self._from_sleeper_0(float(positions[weld, column]))
+                    responses = either[image]
+                    passage = self._over_weld(responses, wheel_paths[weld], speed, positions[weld, column] - from_m)
                     results[weld, row, column, :4] = _peak(passage, responses.dt)
+                    results[weld, row, column, 1] += from_m
                     if low_passed:
                         results[weld, row, column, 4:] = _greatest_low_passed(passage, responses.dt)
 
@@ -171,17 +191,21 @@ class GreensFunctionModel:
     def history(self, wheel_path: WheelPath, speed_kmh: float, position_m: float, *, until_m: float = 0.0) -> History:
         """Return one passage as `VehicleTrackModel.history` does."""
         speed, position = float(checked_speeds(speed_kmh)[0]), float(checked_axis("position", position_m)[0])
-        span = self.track.spacing_m
+        span, (from_m, image) = self.track.spacing_m, self._from_sleeper_0(position)
         with executor(self._threads) as pool:
-            responses = self._responses(speed, pool)
-        last = max(position + wheel_path.end_m + span, until_m)
+            responses = self._responses(speed, image, pool)
+        position -= from_m
+        last = max(position + wheel_path.end_m + span, until_m - from_m)
         passage = self._simulate(responses, wheel_path, position, position + wheel_path.start_m - span, last)
         force, wheel, rail = passage.columns.T
-        return History(passage.x_m, force, -wheel, -rail, passage.irregularity_m)
+        return History(passage.x_m + from_m, force, -wheel, -rail, passage.irregularity_m)
 
     def _over_weld(self, responses: _Responses, wheel_path: WheelPath, speed_kmh: float, position_m: float) -> _Passage:
         first, last = position_m + wheel_path.start_m, position_m + wheel_path.end_m
         last += max(self.track.spacing_m, RUN_OUT_S * speed_kmh / 3.6)
+        if self.supports is not None:  # the rail near them is part of what is asked for
+            places, around_m = self.supports.places_m(self.track), _AROUND_SPANS * self.track.spacing_m
+            first, last = min(first, places[0] - around_m), max(last, places[-1] + around_m)
         return self._simulate(responses, wheel_path, position_m, first, last)
 
     def _simulate(
@@ -201,16 +225,16 @@ class GreensFunctionModel:
         shown = slice(settling + memory, None)
         return _Passage(x[shown], irregularity[shown], columns[shown], columns[:, 0])
 
-    def _responses(self, speed_kmh: float, pool: Executor) -> _Responses:
+    def _responses(self, speed_kmh: float, image: bool, pool: Executor) -> _Responses:
         """Return the responses, remembered: welds are checked one after the other at the same few speeds."""
-        responses = self._remembered.get(speed_kmh)
+        responses = self._remembered.get((speed_kmh, image))
         if responses is None:
-            if len(self._remembered) >= (_MOST_REMEMBERED if self.supports is None else 1):
+            if len(self._remembered) >= (_MOST_REMEMBERED if self.supports is None else 2):
                 self._remembered.clear()
-            responses = self._remembered[speed_kmh] = self._compute_responses(speed_kmh, pool)
+            responses = self._remembered[speed_kmh, image] = self._compute_responses(speed_kmh, image, pool)
         return responses
 
-    def _compute_responses(self, speed_kmh: float, pool: Executor) -> _Responses:
+    def _compute_responses(self, speed_kmh: float, image: bool, pool: Executor) -> _Responses:
         span, speed = self.track.spacing_m, speed_kmh / 3.6
         node_count = round(span / NODE_M)
         every = max(1, int(np.ceil(span / node_count / min(speed * STEP_S, STEP_M))))
@@ -239,7 +263,8 @@ class GreensFunctionModel:
             rows += short / len(lag)
         supports = unchanged(len(lag))
         if self.supports is not None:
-            supports = moving_supports(self.track, spectrum.at_rest, self.supports, spectrum.transform, grid, lag)
+            met = self.supports.mirrored if image else self.supports
+            supports = moving_supports(self.track, spectrum.at_rest, met, spectrum.transform, grid, lag)
         return _Responses(dt, grid, rows, *_interpolation(grid, every, len(nodes)), supports)
 
 

@@ -51,6 +51,12 @@ class RfpModel:
     numerator: FloatArray
     spacing_m: float
     spans: ClassVar[int] = 1
+
+    @property
+    def opposite_m(self) -> float:
+        """Return what a place x is met at against rising x, plus x."""
+        return self.spacing_m
+
     scale_rad_s: float = _SCALE
 
     @property

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.physics.passage._convolution import Gaps, MovingSupports
-from weld_force_ros.physics.track import beam
 from weld_force_ros.physics.track.beam import Track, Waves
 from weld_force_ros.physics.track.local_support import LocalSupports, responses_at
 

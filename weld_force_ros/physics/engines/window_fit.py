@@ -1,8 +1,8 @@
 """Common poles of a track of which a few supports differ: the `common-poles` engine over a window of spans.
 
 Poles are shared by all sections of the window; residues change along it, most near the supports that differ, and tend to
-those of the periodic track at its ends. A passage takes the window as a period: what the wheel left behind the supports
-has died out before it comes to them again.
+those of the periodic track at its ends. A model's period is two windows: the track as it is met with rising x, and its
+mirror image, as it is met against. What the wheel left behind in one has died out before it comes to the other.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ from weld_force_ros.physics.track.beam import Track
 from weld_force_ros.physics.track.local_support import LocalSupports
 
 SPANS_BEFORE, SPANS_BEHIND = 5, 5
-ORDERS = (12, 16, 20, 24)
+ORDERS = (16, 20, 24)
 _GOOD_ENOUGH = 0.005
 _NEAR_SPANS = 2  # within which sections differ so much that poles are fitted to more of them
 _EVERY_NEAR, _EVERY = 4, 2  # sections that poles are fitted to
@@ -62,9 +62,8 @@ def fit_window(
     track: Track, supports: LocalSupports, contact_compliance: Callable[[FloatArray], ComplexArray], order: int
 ) -> PoleModel:
     """Fit common poles of one order; see `window_fit`."""
-    first, last = supports.changes[0].sleeper, supports.changes[-1].sleeper
-    spans = SPANS_BEFORE + last - first + SPANS_BEHIND
-    section = (first - SPANS_BEFORE) * SECTIONS + np.arange(spans * SECTIONS)
+    first, last = _extent(supports)
+    section = (first - SPANS_BEFORE) * SECTIONS + np.arange(window_spans(supports) * SECTIONS)
     at = track.spacing_m / SECTIONS * section
     frequency = fit_frequencies()
     exact = local_support.receptance(track, supports, frequency, at)
@@ -74,10 +73,34 @@ def fit_window(
     fitted = (near & (section % _EVERY_NEAR == 0)) | (far_half_span & (section % _EVERY == 0))
     poles = common_poles(frequency, exact[fitted], weight[fitted], order)
     static = local_support.static_compliance(track, supports, at)
-    residues = residues_of(frequency, exact, weight, poles, static)
-    from_sleeper_0 = np.argsort(section % len(section))
+    return _both_ways(track, supports, poles, residues_of(frequency, exact, weight, poles, static))
+
+
+def window_spans(supports: LocalSupports) -> int:
+    """Return the number of spans of a window."""
+    first, last = _extent(supports)
+    return SPANS_BEFORE + last - first + SPANS_BEHIND
+
+
+def _extent(supports: LocalSupports) -> tuple[int, int]:
+    """Return the first and last sleeper about which the window lies: those that differ, and those beside the weld."""
+    return min(supports.changes[0].sleeper, 0), max(supports.changes[-1].sleeper, 1)
+
+
+def _both_ways(track: Track, supports: LocalSupports, poles: ComplexArray, residues: ComplexArray) -> PoleModel:
+    """Return the model of a window (n_section, n) and its mirror image behind it, section 0 at sleeper 0."""
+    count, before = len(residues), (SPANS_BEFORE - _extent(supports)[0]) * SECTIONS
+    # A section k of the image is SECTIONS - k of the window, both counted from sleeper 0; the window's ends are alike.
+    first = (1 - _extent(supports)[1] - SPANS_BEFORE) * SECTIONS
+    image = residues[(SECTIONS - (first + np.arange(count)) + before) % count]
+    spans = window_spans(supports)
     return PoleModel(
-        poles, residues[from_sleeper_0], at[from_sleeper_0] % (spans * track.spacing_m), track.spacing_m, spans
+        poles_rad_s=poles,
+        residues=np.roll(np.concatenate([residues, image]), -before, axis=0),
+        section_m=track.spacing_m / SECTIONS * np.arange(2 * count),
+        spacing_m=track.spacing_m,
+        spans=2 * spans,
+        image_m=track.spacing_m * (spans + sum(_extent(supports)) - 1),
     )
 
 
@@ -90,7 +113,8 @@ def window_error(
 ) -> float:
     """Return the RMS of |fit - exact| / |exact + c| over a band and near the supports, between fitted sections too."""
     frequency = np.geomspace(*band_hz, 200)
-    ends = (supports.changes[0].sleeper - _NEAR_SPANS, supports.changes[-1].sleeper + _NEAR_SPANS)
+    first, last = _extent(supports)
+    ends = (first - _NEAR_SPANS, last + _NEAR_SPANS)
     at = track.spacing_m * np.linspace(*ends, _CHECKED_SECTIONS)
     exact = local_support.receptance(track, supports, frequency, at)
     seen = exact + contact_compliance(2 * np.pi * frequency)

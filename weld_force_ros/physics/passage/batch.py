@@ -155,6 +155,7 @@ class SimdBatch:
             span=solver.span_grid // self._stride,
         )
         self._states = _speed_blocks([speed.steady_state.states for speed in speeds])
+        self._smooth_n = np.stack([speed.steady_state.smooth_n for speed in speeds])
 
     def peaks(
         self,
@@ -175,7 +176,8 @@ class SimdBatch:
         for (blocks, pairs), results in zip(own, pool.map(simulate, *zip(*own, strict=True)), strict=True):
             found[blocks[:, None], pairs] = results
         by_speed = found.transpose(0, 2, 1, 3).reshape(-1, selected.shape[1], found.shape[3])[: len(selected)]
-        return with_filters_later(filters, places.starts // self._stride, by_speed)
+        shown = with_filters_later(filters, places.starts // self._stride, by_speed)
+        return with_smooth_extremes(self._solver, self._smooth_n, self._stride, places.starts, shown)
 
     def _paired(self, selected: Selection) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return speed blocks (n_pair,) and pairs of places (n_pair, 2) at which any of their passages is selected."""
@@ -195,7 +197,7 @@ class SimdBatch:
     ) -> FloatArray:
         """Return results (n_pair, 2, SPEEDS, n_column)."""
         starts = places.starts[place_pairs]
-        at = starts // self._solver.longest_stride % self._states.shape[1]
+        at = starts // self._solver.start_every % self._states.shape[1]
         # (n_pair, 2, n_state + 3, SPEEDS), then a lane for each of the two places and each speed
         states = self._states[speed_blocks[:, None], at]
         results = np.empty((len(place_pairs), LANES, columns))
@@ -238,7 +240,10 @@ class ScalarBatch:
         simulated = pool.map(partial(self._simulate, places, filters), rows, columns)
         for row, own, results in zip(rows, columns, simulated, strict=True):
             found[row, own] = results
-        return with_filters_later(filters, places.starts // self._speeds[0].steady_state.stride, found)
+        stride = self._speeds[0].steady_state.stride
+        shown = with_filters_later(filters, places.starts // stride, found)
+        smooth_n = np.stack([speed.steady_state.smooth_n for speed in self._speeds])
+        return with_smooth_extremes(self._solver, smooth_n, stride, places.starts, shown)
 
     def _simulate(self, places: PassageStarts, filters: LowPass, row: int, columns: NDArray[np.intp]) -> FloatArray:
         speed, starts = self._speeds[row], places.starts[columns]
@@ -251,8 +256,11 @@ class ScalarBatch:
             irregularity_m=places.irregularity_m[columns],
         )
         smooth = _scalar_passage.SmoothRail(
-            steady_state.smooth_n, negligible_n(self._solver), self._solver.span_grid // steady_state.stride,
-            speed.window, speed.run_out,
+            steady_state.smooth_n,
+            negligible_n(self._solver),
+            self._solver.span_grid // steady_state.stride,
+            speed.window,
+            speed.run_out,
         )
         own_filters = Filters(
             filters.decay[row], filters.shapes[row], filters.gains[row], filters.smooth_n[row], filters.floors_n[row]
@@ -294,6 +302,27 @@ def with_filters_later(filters: LowPass, starts: StepCounts, found: FloatArray) 
         ends = (starts + found[:, :, 5].astype(np.int64)) % filters.smooth_n.shape[2]
         found[:, :, _UNFILTERED:shown] = greatest(filters, found[:, :, _UNFILTERED:shown], ends, found[:, :, shown:])
     return found[:, :, :shown]
+
+
+def with_smooth_extremes(
+    solver: SteadyStateSolver, smooth_n: FloatArray, stride: int, starts: StepCounts, found: FloatArray
+) -> FloatArray:
+    """Return results (n_speed, n_place, n) to which smooth rail's extremes in a window of spans belong as well.
+
+    On a periodic track they come in every span, and a passage has seen them. Where a few supports differ, the rail near
+    them is part of what is asked for, whether or not the passage over the weld itself came to it.
+    """
+    if solver.model.spans == 1:
+        return found
+    half = smooth_n.shape[1] // 4  # of a window; the period is two
+    for place, start in enumerate(starts // stride):
+        near = smooth_n[:, (start + np.arange(-half, half)) % smooth_n.shape[1]]
+        highest = near.max(axis=1)
+        higher = highest > found[:, place, 0]
+        found[higher, place, 1] = near.argmax(axis=1)[higher] - half
+        found[:, place, 0] = np.maximum(found[:, place, 0], highest)
+        found[:, place, 2] = np.minimum(found[:, place, 2], near.min(axis=1))
+    return found
 
 
 def _speed_blocks(arrays: Sequence[ArrayLike]) -> NDArray[Any]:

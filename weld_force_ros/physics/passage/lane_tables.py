@@ -18,7 +18,13 @@ from weld_force_ros.physics.passage import _simd_passage
 from weld_force_ros.physics.passage._contact import Filters
 from weld_force_ros.physics.passage._sampled_path import sampled_locally
 from weld_force_ros.physics.passage._simd import LANES, QUARTER, SPEEDS
-from weld_force_ros.physics.passage.batch import column_count, negligible_n, speed_tables, with_filters_later
+from weld_force_ros.physics.passage.batch import (
+    column_count,
+    negligible_n,
+    speed_tables,
+    with_filters_later,
+    with_smooth_extremes,
+)
 from weld_force_ros.physics.passage.lowpass import CUTOFFS_HZ, LowPass, low_pass
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.steady_state import SteadyStateSolver
@@ -107,6 +113,12 @@ class LaneTables:
         found: FloatArray = in_lanes.reshape(-1, count, AT_ONCE, results.shape[2])[: len(samples)]
         if low_passed:
             found = self._with_later(filters, places, speeds, found)
+        if self._solver.model.spans > 1:
+            for place, (start, chosen) in enumerate(zip(places.starts, speeds, strict=True)):
+                of_place = found[:, place].transpose(1, 0, 2)
+                starts = np.full(len(found), start)
+                shown = with_smooth_extremes(self._solver, self._smooth_n[chosen], self._stride, starts, of_place)
+                found[:, place] = shown.transpose(1, 0, 2)
         shown = np.concatenate([found[..., :_SHOWN], found[..., 6:]], axis=3)
         if not np.all(np.isfinite(shown)):
             raise NumericalError("a passage did not stay finite; the fit of this track cannot be used at that speed")
@@ -117,7 +129,7 @@ class LaneTables:
         _, count, longest = places.irregularity_m.shape
         repeats = -(-len(samples) // _SAMPLES)
         own = samples[np.minimum(np.arange(repeats * _SAMPLES), len(samples) - 1)].reshape(repeats, 1, _SAMPLES)
-        at = places.starts // self._solver.longest_stride % self._states.shape[1]
+        at = places.starts // self._solver.start_every % self._states.shape[1]
         initial = np.tile(self._states[speeds, at[:, None]].transpose(0, 2, 1), _SAMPLES)
         return _simd_passage.PlacePairs(
             speed_blocks=np.tile(np.arange(count), repeats),

@@ -67,6 +67,11 @@ class VehicleTrackModel:
         self._in_shortest_steps = lru_cache(_MOST_REMEMBERED)(lambda speed_kmh: self.solver.steady_state(speed_kmh, 1))
         self._peak_maps = PeakMapSolver(self.solver)
 
+    @property
+    def opposite_m(self) -> float:
+        """Return what a place x is met at against rising x, plus x: the span, where all supports are alike."""
+        return self.model.opposite_m
+
     def peak_map(
         self,
         wheel_path: WheelPath,

@@ -50,6 +50,10 @@ class StateModel(Protocol):
     def spans(self) -> int:
         """Return the number of spans that it repeats with."""
 
+    @property
+    def opposite_m(self) -> float:
+        """Return what a place x is met at against rising x, plus x."""
+
     def propagation(self, at_m: FloatArray, dt_s: float) -> Propagation:
         """Return a step of `dt_s` from each point of `at_m` (n_grid,), which covers a period once, to the next."""
 

@@ -18,7 +18,8 @@ GRID_M = 0.25e-3
 LONGEST_STEP_M = 2e-3
 LONGEST_STEP_S = 400e-6
 _SETTLED = 1e-5  # of the static load
-_MOST_SPANS = 1000
+_MOST_PERIODS = 1000
+_WINDOW_STRIDES = 25  # 50 mm
 
 
 @dataclass(frozen=True)
@@ -54,11 +55,14 @@ class SteadyStateSolver:
         self.span_grid = self.longest_stride * max(1, round(model.spacing_m / GRID_M / self.longest_stride))
         self.grid = self.span_grid * model.spans
         self.grid_m = model.spacing_m / self.span_grid
+        # Passages may begin at every longest stride; over a window of spans at fewer places, as each takes a state.
+        strides, most = self.grid // self.longest_stride, 1 if model.spans == 1 else _WINDOW_STRIDES
+        self.start_every = self.longest_stride * next(k for k in range(most, 0, -1) if strides % k == 0)
         self.physics = np.array([wheel.mass_kg, wheel.static_load_n, wheel.hertz_n_per_m15])
 
     def start(self, first_m: float) -> int:
         """Return the grid point, one that every stride meets, at or before a place."""
-        return self.longest_stride * int(np.floor(first_m / (self.longest_stride * self.grid_m)))
+        return self.start_every * int(np.floor(first_m / (self.start_every * self.grid_m)))
 
     def steps(self, stride: int, length_m: float) -> int:
         """Return the number of steps that cover a length."""
@@ -87,13 +91,13 @@ class SteadyStateSolver:
         wheel = np.array([deflection + self.wheel.static_indentation_m, 0.0, load])
         states = np.empty((self.grid // stride, len(rail) + 3))
         spans = _scalar_passage.settle_to_periodic(
-            rail, wheel, step, self.physics, dt, _SETTLED * load, _MOST_SPANS, states
+            rail, wheel, step, self.physics, dt, _SETTLED * load, _MOST_PERIODS, states
         )
         if spans < 0:
             raise NumericalError(f"the force on smooth rail does not settle at {speed_kmh:g} km/h; fit the track anew")
-        starts = states[:: self.longest_stride // stride].copy()
+        starts = states[:: self.start_every // stride].copy()
         return SteadyState(stride, dt, step, starts, states[:, -1].copy(), states[:, -3:].copy())
 
     def initial_state(self, steady_state: SteadyState, start: int) -> FloatArray:
         """Return the state at a start, (n_state + 3,)."""
-        return np.array(steady_state.states[start // self.longest_stride % len(steady_state.states)])
+        return np.array(steady_state.states[start // self.start_every % len(steady_state.states)])

@@ -57,9 +57,7 @@ class LocalSupports:
     @property
     def mirrored(self) -> "LocalSupports":
         """Return the supports as a train against rising x meets them: sleeper 1 is the last before the weld then."""
-        return LocalSupports(
-            tuple(replace(change, sleeper=1 - change.sleeper) for change in reversed(self.changes))
-        )
+        return LocalSupports(tuple(replace(change, sleeper=1 - change.sleeper) for change in reversed(self.changes)))
 
     def places_m(self, track: Track) -> FloatArray:
         """Return where they are, (n_support,), m, 0 at sleeper 0."""
@@ -163,7 +161,8 @@ def _response(
 ) -> ComplexArray:
     reactions = supports.reactions(track, waves, omega)
     here, there = (responses_at(waves, supports.places_m(track), x_m) for x_m in (at_m, force_at_m))
-    return beam.response(waves, at_m, force_at_m) - np.einsum("iaf,ijf,jaf->af", here, reactions, there)
+    whole = beam.response(waves, at_m, force_at_m) - np.einsum("iaf,ijf,jaf->af", here, reactions, there)
+    return np.asarray(whole)
 
 
 def responses_at(waves: Waves, places_m: FloatArray, at_m: FloatArray) -> ComplexArray:

@@ -1,0 +1,133 @@
+"""The track under one weld: that of the settings, with the supports that the weld's measurement states."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+from msgspec import UnsetType
+
+from weld_force_ros.errors import InputError
+from weld_force_ros.messages import SimulationSettings, SupportState, Uncertainty, WeldProfile
+from weld_force_ros.physics.engines.common_poles import BAND_HZ
+from weld_force_ros.physics.engines.greens_function import GreensFunctionModel
+from weld_force_ros.physics.passage.passage import VehicleTrackModel
+from weld_force_ros.physics.passage.wheel import Wheel
+from weld_force_ros.physics.track.causality import acausal
+from weld_force_ros.physics.track.local_support import LocalSupports, SupportChange
+from weld_force_ros.simulation import fit_store
+from weld_force_ros.simulation.sampling import Sampler
+from weld_force_ros.simulation.track_file import TrackDefinition
+
+_MOST_REMEMBERED = 4  # tracks whose supports differ
+
+
+@dataclass(frozen=True)
+class TrackAtWeld:
+    """A wheel on a track with the supports of a weld.
+
+    Attributes:
+        vehicle_track: simulates passages.
+        fit_error: about the relative error of the force's dynamic part that comes from representing the track in time.
+        sampler: of what is uncertain; None where nothing is drawn.
+    """
+
+    vehicle_track: VehicleTrackModel | GreensFunctionModel
+    fit_error: float
+    sampler: Sampler | None
+
+
+class TracksAtWelds:
+    """Makes tracks with the supports of welds, and keeps the last few.
+
+    Args:
+        definition: the track.
+        settings: of the simulation.
+        threads: that compute; one a core, if not given.
+        on_fit: called with a line of text if a fit has to be made.
+    """
+
+    def __init__(
+        self,
+        definition: TrackDefinition,
+        settings: SimulationSettings,
+        *,
+        threads: int | None = None,
+        on_fit: Callable[[str], None] | None = None,
+    ) -> None:
+        self._definition, self._settings, self._threads, self._on_fit = definition, settings, threads, on_fit
+        self._wheel = Wheel(
+            settings.wheel_mass_kg, settings.static_load_n, settings.wheel_radius_m, settings.hertz_n_per_m15
+        )
+        self.usual = self._made(())
+        self._differing = lru_cache(_MOST_REMEMBERED)(self._made)
+
+    def at(self, profile: WeldProfile) -> TrackAtWeld:
+        """Return the track under a weld, with the supports that its measurement or the settings state.
+
+        Raises:
+            InputError: supports that the track or the engine cannot have.
+            NumericalError: no usable fit was found.
+        """
+        states = stated_support(profile, self._settings)
+        return self._differing(states) if states else self.usual
+
+    def _made(self, states: tuple[SupportState, ...]) -> TrackAtWeld:
+        definition, settings, wheel, threads = self._definition, self._settings, self._wheel, self._threads
+        supports = local_supports(states) if states else None
+        vehicle_track: VehicleTrackModel | GreensFunctionModel
+        if settings.engine == "reference":
+            if supports:
+                fit_store.check_local_supports(definition.track)
+                _check_gaps(definition, supports)
+            vehicle_track = GreensFunctionModel(definition.track, wheel, supports, threads=threads)
+            at_m = definition.track.spacing_m / 2
+            error = acausal(definition.track, at_m, threads=threads).floor(wheel.compliance, BAND_HZ)
+        else:
+            fit = self._fit(supports)
+            vehicle_track, error = VehicleTrackModel(fit.model(), wheel, threads=threads), fit.error
+        return TrackAtWeld(vehicle_track, error, self._sampler(supports))
+
+    def _fit(self, supports: LocalSupports | None) -> fit_store.AnyFit:
+        engine = self._settings.engine
+        assert engine != "reference", "reference has no fit"  # noqa: S101
+        if supports is None:
+            return fit_store.fitted(self._definition, engine, on_fit=self._on_fit)
+        if engine == "rfp":
+            raise InputError(
+                "engine rfp describes tracks on which all supports are alike",
+                "use common-poles or reference where a weld states its support",
+            )
+        return fit_store.fitted_window(self._definition, supports, on_fit=self._on_fit)
+
+    def _sampler(self, supports: LocalSupports | None) -> Sampler | None:
+        settings = self._settings
+        if not isinstance(settings.uncertainty, Uncertainty):
+            return None
+        return Sampler(
+            self._definition, self._wheel, settings.uncertainty, supports,
+            patch_m=settings.patch_half_length_m, on_fit=self._on_fit, threads=self._threads,
+        )  # fmt: skip
+
+
+def stated_support(profile: WeldProfile, settings: SimulationSettings) -> tuple[SupportState, ...]:
+    """Return which supports differ at a weld: as the profile states it, else the settings; none if neither does."""
+    stated = settings.support if isinstance(profile.support, UnsetType) else profile.support
+    return () if isinstance(stated, UnsetType) else tuple(stated)
+
+
+def local_supports(states: tuple[SupportState, ...]) -> LocalSupports:
+    """Return the supports that messages state."""
+    return LocalSupports.of(
+        SupportChange(
+            state.sleeper, state.share, state.pad_share, 0.0 if isinstance(state.gap_m, UnsetType) else state.gap_m
+        )
+        for state in states
+    )
+
+
+def _check_gaps(definition: TrackDefinition, supports: LocalSupports) -> None:
+    if supports.hanging and definition.track.ballast.loss_factor:
+        raise InputError(
+            f"track {definition.track.name}: a sleeper over a gap needs ballast with a dashpot, not a loss factor",
+            "use a track with damping_kns_per_m below its sleepers, such as bilbao-viscous",
+        )
