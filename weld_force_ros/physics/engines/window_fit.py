@@ -1,8 +1,8 @@
 """Common poles of a track of which a few supports differ: the `common-poles` engine over a window of spans.
 
-Poles are shared by all sections of the window; residues change along it, most near the supports that differ, and tend to
-those of the periodic track at its ends. A model's period is two windows: the track as it is met with rising x, and its
-mirror image, as it is met against. What the wheel left behind in one has died out before it comes to the other.
+Poles are shared by all sections of the window; residues change along it, most near the supports that differ, and tend
+to those of the periodic track at its ends. A model's period is two windows: the track as it is met with rising x, and
+its mirror image, as it is met against. What the wheel left behind in one has died out before it comes to the other.
 """
 
 from collections.abc import Callable

@@ -1,7 +1,7 @@
 """The periodic state of a wheel on smooth rail, in which every passage begins, speed by speed.
 
-From rest (static deflection) the wheel passes period after period of the track until the force repeats. All passages of a speed share
-that state.
+From rest (static deflection) the wheel passes period after period of the track until the force repeats. All passages
+of a speed share that state.
 """
 
 from dataclasses import dataclass

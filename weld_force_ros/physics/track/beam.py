@@ -239,7 +239,7 @@ def static_waves(track: Track, *, threads: int | None = None) -> Waves:
 
 
 def response(waves: Waves, at_m: FloatArray, force_at_m: FloatArray) -> ComplexArray:
-    """Return the receptance at `at_m` (n_at,) to a force at `force_at_m` (n_at,) as a sum of waves, (n_at, n_frequency)."""
+    """Return the receptance at `at_m` (n_at,) to forces at `force_at_m` (n_at,), m/N, (n_at, n_frequency), of waves."""
     ahead = np.maximum(at_m, force_at_m)
     behind = np.minimum(at_m, force_at_m)  # reciprocity: the response depends on the pair only
     first_m = waves.span_m * np.floor(behind / waves.span_m)  # near waves of strips grow by many powers a span
