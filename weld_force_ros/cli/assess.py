@@ -78,6 +78,7 @@ def _judge(
 ) -> Callable[[str], Iterator["Record"]]:
     """Return a function that reads a file and yields the outcome of each of its welds."""
     from weld_force_ros.assessment import judge
+    from weld_force_ros.assessment.hanging import HangingSleepers
     from weld_force_ros.assessment.rule_books import load_limits
     from weld_force_ros.cli import terminal
     from weld_force_ros.measurement.profile_file import find, read_profiles
@@ -89,6 +90,7 @@ def _judge(
     settings = simulation.settings_of_vehicles(unknown)
     simulators = [Simulator(one, on_fit=terminal.say) for one in settings]
     by_sha256 = {one.config_sha256: one for one in settings}
+    hanging = {one.config_sha256: HangingSleepers(one, applied, on_fit=terminal.say) for one in settings}
 
     def outcomes(file: str) -> Iterator["Record"]:
         try:
@@ -103,6 +105,7 @@ def _judge(
                 yield _rejected(file, error)
                 continue
             own = by_sha256[found.verdict.config_sha256]
+            found.verdict.hanging = hanging[own.config_sha256].outcomes(weld)
             yield WeldRecord(found.verdict, found.force_map, weld, found.history, own, applied)
 
     return outcomes

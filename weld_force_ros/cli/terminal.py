@@ -187,6 +187,10 @@ def show_answers(title: str, of: Iterable[Verdict | Rejection]) -> None:
             )
         )
         reasons += [] if one.decision == "accept" else [reason(one)]
+        if one.hanging:
+            from weld_force_ros.assessment.hanging import hanging_in_words
+
+            reasons.append(f"{one.weld_id}: {' '.join(map(sentence, hanging_in_words(one)))}")
     table(
         title,
         [

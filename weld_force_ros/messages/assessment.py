@@ -30,6 +30,7 @@ from weld_force_ros.messages.fields import (
     json_sha256,
     wrong_length,
 )
+from weld_force_ros.messages.support import SupportState
 
 SourceKind: TypeAlias = Literal["standard", "quotation", "vendor", "judgement"]
 """A number's authority: the text in force, a publication that quotes it, a maker's, nobody's but its author's."""
@@ -255,6 +256,21 @@ class Restriction(msgspec.Struct, kw_only=True, frozen=True):
     within_limits: bool
 
 
+class HangingOutcome(msgspec.Struct, kw_only=True, frozen=True):
+    """What a weld would come to if sleepers beside it hung.
+
+    Attributes:
+        support: that was simulated.
+        peak_force_n: the highest up to the line's speed.
+        decision: what the forces would say.
+    """
+
+    support: Annotated[list[SupportState], Meta(min_length=1, max_length=18)]
+    peak_force_n: ForceN
+    worst_speed_kmh: SpeedKmh
+    decision: Annotated[AnswerDecision, Meta(extra_json_schema={"type": "string"})]
+
+
 class Verdict(Message, kw_only=True):
     """The decision on a weld, and its reasons.
 
@@ -271,6 +287,7 @@ class Verdict(Message, kw_only=True):
         force: what the simulation says; the decision is `accept` only where both are.
         measure_next: the one measurement that would decide an undecided weld most cheaply.
         accepted_risk: that the decision was made with.
+        hanging: what hanging sleepers would do, where that was asked for and the support is not stated.
     """
 
     weld_id: Name
@@ -308,6 +325,7 @@ class Verdict(Message, kw_only=True):
     accepted_risk: Annotated[float, Meta(gt=0.0, lt=0.5)] | UnsetType = UNSET
     vehicle: Annotated[Name, Meta(description="that decides")] | UnsetType = UNSET
     worst_running: Direction | UnsetType = UNSET
+    hanging: Annotated[list[HangingOutcome], Meta(max_length=10)] = []
 
 
 class GrindingAdvice(Message, kw_only=True):

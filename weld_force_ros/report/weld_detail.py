@@ -10,6 +10,7 @@ from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
 
 from weld_force_ros.assessment.criteria import FORCE_CRITERIA, sentence_in_words
+from weld_force_ros.assessment.hanging import support_sentences
 from weld_force_ros.assessment.judge import told_apart
 from weld_force_ros.assessment.limits import decides, levels, ratio, within_limits
 from weld_force_ros.assessment.rule_books import limits_by_book, verified_of
@@ -79,6 +80,7 @@ def _weld(weld: WeldRecord) -> dict[str, Any]:
         "history": weld.history and _history(weld.history),
         "profile": weld.profile and _profile(weld.profile, weld.settings),
         "grinding": weld.grinding and _grinding(weld.grinding),
+        "support": support_sentences(weld.verdict, UNSET if weld.force_map is None else weld.force_map.support),
         "provenance": _provenance(weld),
     }
     return {name: value for name, value in content.items() if value}

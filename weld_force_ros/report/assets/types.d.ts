@@ -232,6 +232,8 @@ interface WeldDetail {
   history?: ForceHistory;
   profile?: Profile;
   grinding?: Grinding;
+  /** What is known of the sleepers beside the weld, a sentence each. */
+  support?: string[];
   provenance: Provenance;
 }
 

@@ -76,10 +76,16 @@ function verdictParts(content, still, later) {
       content.map && mapPart(content.map, content.verdict, still, later), content.curves && curvePart(content.curves, content, still, later),
       content.profile && geometryPart(content.profile, content.grinding, still, later), content.history && historyPart(content.history, content, still, later)),
     positionsPart(content),
+    supportPart(content),
     criteriaPart(content),
     content.grinding && grindingPart(content.grinding),
     provenancePart(content.provenance, still),
   ];
+}
+
+/** @param {WeldDetail} content */
+function supportPart({support}) {
+  return support?.length ? card("Sleepers beside the weld", element("ul", {}, ...support.map((words) => element("li", {}, sentence(words))))) : null;
 }
 
 /** @param {string} text */
