@@ -14,6 +14,7 @@ from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.track.causality import acausal
 from weld_force_ros.physics.track.local_support import LocalSupports, SupportChange
+from weld_force_ros.physics.track.support import Spring
 from weld_force_ros.simulation import fit_store
 from weld_force_ros.simulation.sampling import Sampler
 from weld_force_ros.simulation.track_file import TrackDefinition
@@ -126,8 +127,9 @@ def local_supports(states: tuple[SupportState, ...]) -> LocalSupports:
 
 
 def _check_gaps(definition: TrackDefinition, supports: LocalSupports) -> None:
-    if supports.hanging and definition.track.ballast.loss_factor:
+    springs = definition.track.support.springs
+    if supports.hanging and (len(springs) != 2 or not isinstance(springs[-1], Spring) or not springs[-1].causal):
         raise InputError(
-            f"track {definition.track.name}: a sleeper over a gap needs ballast with a dashpot, not a loss factor",
-            "use a track with damping_kns_per_m below its sleepers, such as bilbao-viscous",
+            f"track {definition.track.name}: a sleeper over a gap needs ballast with a dashpot right below it",
+            "use a track of pad, sleeper and ballast with damping_kns_per_m, such as bilbao-viscous",
         )

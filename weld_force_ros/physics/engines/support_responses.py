@@ -14,6 +14,7 @@ from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.physics.passage._convolution import Gaps, MovingSupports
 from weld_force_ros.physics.track.beam import Track, Waves
 from weld_force_ros.physics.track.local_support import LocalSupports, responses_at
+from weld_force_ros.physics.track.support import Spring
 
 NODE_M = 0.02
 REACH_SPANS = 8
@@ -94,13 +95,15 @@ def moving_supports(
     nodes, weights = _interpolation(grid, a_span, spans)
     gaps = unchanged(len(lag_s)).gaps
     if hanging := supports.hanging:
+        ballast = track.support.springs[-1]
+        assert isinstance(ballast, Spring), "ballast over a gap has a dashpot"  # noqa: S101
         resting, each_resting = supports.sleeper_responses(at_rest, spectrum.resting, spectrum.resting_omega, at)
         moving, each_moving = supports.sleeper_responses(track, spectrum.moving, spectrum.moving_omega, at)
         gaps = _gaps(
             spectrum.in_time(np.concatenate([resting, moving], axis=-1), lag_s),
             spectrum.in_time(np.concatenate([each_resting, each_moving], axis=-1), lag_s),
-            [change.below * track.ballast.stiffness_n_per_m for change in hanging],
-            [change.below * track.ballast.damping_ns_per_m for change in hanging],
+            [change.below * ballast.stiffness_n_per_m for change in hanging],
+            [change.below * ballast.damping_ns_per_m for change in hanging],
             [change.gap_m for change in hanging],
         )
     return MovingSupports(

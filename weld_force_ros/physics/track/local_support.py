@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.physics.track import beam
 from weld_force_ros.physics.track.beam import Track, Waves
+from weld_force_ros.physics.track.support import Support
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,11 @@ class SupportChange:
     below: float = 1.0
     pad: float = 1.0
     gap_m: float = 0.0
+
+    def on(self, support: Support) -> Support:
+        """Return a support with the change; without ballast over a gap."""
+        changed = support.with_lowest(0.0 if self.gap_m else self.below)
+        return replace(changed, springs=(changed.pad.scaled(self.pad), *changed.springs[1:]))
 
 
 @dataclass(frozen=True)
@@ -65,19 +71,13 @@ class LocalSupports:
 
     def added_stiffness(self, track: Track, omega: FloatArray | ComplexArray) -> ComplexArray:
         """Return what each holds more than the track's support, (n_support, n_frequency), N/m."""
-        usual = track.support_stiffness(omega)
-        pad, ballast = track.pad.dynamic_stiffness(omega), track.ballast.dynamic_stiffness(omega)
-        mass = track.sleeper_mass_kg * omega**2
-        found = []
-        for change in self.changes:
-            own_pad, below = change.pad * pad, (0.0 if change.gap_m else change.below) * ballast - mass
-            found.append(own_pad * below / (own_pad + below) - usual)
-        return np.stack(found)
+        usual = track.support.dynamic_stiffness(omega)
+        return np.stack([change.on(track.support).dynamic_stiffness(omega) - usual for change in self.changes])
 
     def sleeper_responses(
         self, track: Track, waves: Waves, omega: FloatArray | ComplexArray, at_m: FloatArray
     ) -> tuple[ComplexArray, ComplexArray]:
-        """Return how sleepers over a gap, while they hang, move with the rail and with each other.
+        """Return how sleepers over a gap, on a pad and else free, move with the rail and with each other.
 
         Args:
             track: the track with its usual supports.
@@ -96,8 +96,8 @@ class LocalSupports:
         taken = np.einsum("iaf,ijf->jaf", to_each, reactions)
         rail = responses_at(waves, own, at_m) - np.einsum("jaf,jbf->abf", taken, to_rail)
         each = responses_at(waves, own, own) - np.einsum("jaf,jbf->abf", taken, to_each)
-        pad = np.stack([change.pad * track.pad.dynamic_stiffness(omega) for change in self.hanging])
-        whole = pad - track.sleeper_mass_kg * omega**2
+        pad = np.stack([change.pad * track.support.pad.dynamic_stiffness(omega) for change in self.hanging])
+        whole = pad - track.support.masses_kg[0] * omega**2
         followed = pad / whole
         each = followed[:, None] * followed * each
         each[np.arange(len(rows)), np.arange(len(rows))] += 1 / whole
