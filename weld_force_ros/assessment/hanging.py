@@ -1,7 +1,7 @@
 """Say what a hanging sleeper would do to a verdict: the usual companion of a bad weld, and seldom known.
 
 Welds batter the ballast below them. Where nothing is stated about the support, the weld is simulated again with the
-sleeper before it hanging, and with those on both sides: their ballast is left with `HANGING` of its stiffness.
+sleeper before it hanging, and with those on both sides: their ballast is left with 2 % of its stiffness.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,19 +18,19 @@ from weld_force_ros.messages import (
     Verdict,
     WeldProfile,
     config_sha256,
+    parse_support,
     support_in_words,
 )
 from weld_force_ros.physics.track.beam import StripRail
 from weld_force_ros.simulation import track_file
 from weld_force_ros.simulation.simulator import Simulator
 
-HANGING = 0.02
-_SCENARIOS = ((0,), (0, 1))
+_SCENARIOS = ("0=0.02", "0=0.02,1=0.02")
 UNKNOWN = (
     "All sleepers are taken to rest on their ballast; one that hangs beside the weld commonly adds 10 to 30 % to the"
     " peak: look under it"
 )
-_WHO = {(0,): "the sleeper before the weld hangs", (0, 1): "the sleepers on both sides hang"}
+_WHO = dict(zip(_SCENARIOS, ("the sleeper before the weld hangs", "the sleepers on both sides hang"), strict=True))
 _WHAT = {"accept": "still acceptable", "undecided": "undecided", "grind": "grind", "reject": "replace"}
 
 
@@ -68,9 +68,9 @@ class HangingSleepers:
         if self._simulator is None or not isinstance(profile.support, UnsetType):
             return []
         found = []
-        for sleepers in _SCENARIOS:
-            support = [SupportState(sleeper=sleeper, share=HANGING) for sleeper in sleepers]
-            verdict = judge(self._simulator.force_map(changed(profile, support=support)), self._limits)
+        for support in _SCENARIOS:
+            hung = changed(profile, support=parse_support(support))
+            verdict = judge(self._simulator.force_map(hung), self._limits)
             found.append(
                 HangingOutcome(
                     support=support,
@@ -93,7 +93,7 @@ def hanging_in_words(verdict: Verdict) -> list[str]:
     """Return what hanging sleepers would do, a sentence each; nothing where that was not asked for."""
     sentences = []
     for outcome in verdict.hanging:
-        who = _WHO.get(tuple(state.sleeper for state in outcome.support), "sleepers hang")
+        who = _WHO.get(outcome.support, "sleepers hang")
         more = outcome.peak_force_n / verdict.peak_force_n - 1
         change = f"{abs(more) * 100:.0f} % {'more' if more > 0 else 'less'}" if abs(more) >= 0.005 else "as much"
         sentences.append(

@@ -30,7 +30,6 @@ from weld_force_ros.messages.fields import (
     json_sha256,
     wrong_length,
 )
-from weld_force_ros.messages.support import SupportState
 
 SourceKind: TypeAlias = Literal["standard", "quotation", "vendor", "judgement"]
 """A number's authority: the text in force, a publication that quotes it, a maker's, nobody's but its author's."""
@@ -265,7 +264,7 @@ class HangingOutcome(msgspec.Struct, kw_only=True, frozen=True):
         decision: what the forces would say.
     """
 
-    support: Annotated[list[SupportState], Meta(min_length=1, max_length=18)]
+    support: Annotated[Text, Meta(description="as `--support` takes it: 0=0.02,1=0.02")]
     peak_force_n: ForceN
     worst_speed_kmh: SpeedKmh
     decision: Annotated[AnswerDecision, Meta(extra_json_schema={"type": "string"})]
