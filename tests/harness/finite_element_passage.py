@@ -150,7 +150,7 @@ def in_time(
     inverse_pivots[: model.unknowns, 0] **= -1
     result = np.empty((3, len(x_m)))
     result[:, 0] = wheel.static_load_n, rail + wheel.static_indentation_m, rail
-    ballast = model.track.ballast
+    ballast = model.track.support.springs[-1]
     _march(
         inverse_pivots, _rows(model.stiffness), _rows(model.damping), unknowns, shapes, local, height_m,
         resting, sleepers, gaps, factors * ballast.stiffness_n_per_m, factors * ballast.damping_ns_per_m, pushed,

@@ -155,12 +155,12 @@ class FiniteElementTrack:
                 np.add.at(self.mass, place, mass[row, column])
 
     def _add_supports(self) -> None:
-        pad, ballast = self.track.pad, self.track.ballast
+        pad, ballast = self.track.support.springs
         for sleeper in self._sleepers:
             own, rail = self.sleeper(sleeper), self.sleeper(sleeper) - 2
             of_pad = self.supports.pads.get(sleeper, 1.0)
             of_ballast = 0.0 if sleeper in self.supports.gap_m else self.supports.ballast.get(sleeper, 1.0)
-            self.mass[0, own] += self.track.sleeper_mass_kg
+            self.mass[0, own] += self.track.support.masses_kg[0]
             for matrix, above, below in (
                 (self.stiffness, pad.stiffness_n_per_m, ballast.stiffness_n_per_m),
                 (self.damping, pad.damping_ns_per_m, ballast.damping_ns_per_m),

@@ -225,7 +225,7 @@ def test_within_limits_over_speed_is_what_the_verdict_says():
 
 def test_details_cope_with_all_that_old_recordings_lack():
     found = content(ancient())
-    assert found.keys() == {"verdict", "map", "curves", "provenance"}
+    assert found.keys() == {"verdict", "map", "curves", "support", "provenance"}
     assert content(WeldRecord(ancient().verdict)).keys() == {"verdict", "provenance"}
 
 

@@ -75,12 +75,12 @@ def test_receptance_is_that_of_the_periodic_track_with_its_supports_changed(
         omega = np.array([2 * np.pi * hz])
 
         def support(sleeper: int, omega: FloatArray = omega) -> complex:
-            pad = track.pad.dynamic_stiffness(omega) * supports.pads.get(sleeper, 1.0)
-            below = track.ballast.dynamic_stiffness(omega) * supports.ballast.get(sleeper, 1.0)
-            below = below - track.sleeper_mass_kg * omega**2
+            pad = track.support.pad.dynamic_stiffness(omega) * supports.pads.get(sleeper, 1.0)
+            below = track.support.springs[-1].dynamic_stiffness(omega) * supports.ballast.get(sleeper, 1.0)
+            below = below - track.support.masses_kg[0] * omega**2
             return complex((pad * below / (pad + below))[0])
 
-        added = np.diag([support(s) - complex(track.support_stiffness(omega)[0]) for s in (0, 1)])
+        added = np.diag([support(s) - complex(track.support.dynamic_stiffness(omega)[0]) for s in (0, 1)])
         between = np.array([transfer_receptance(track, hz, places, place)[:, 0] for place in places])
         to_load = transfer_receptance(track, hz, places, x)[:, 0]
         exact = transfer_receptance(track, hz, x, x)[0, 0]
@@ -98,7 +98,7 @@ def integrated(
         return np.asarray(matrix + np.tril(matrix, -1).T)
 
     inverse, stiffness, damping = np.linalg.inv(full(model.mass)), full(model.stiffness), full(model.damping)
-    ballast, n = model.track.ballast, model.unknowns
+    ballast, n = model.track.support.springs[-1], model.unknowns
     speed, time = (x_m[1] - x_m[0]) / dt, dt * np.arange(len(x_m))
 
     def forces(t: float, state: FloatArray) -> tuple[float, FloatArray, list[float]]:
