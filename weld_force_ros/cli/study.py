@@ -142,6 +142,31 @@ def study_rail(
     terminal.say(f"page: {out / 'rail.html'}")
 
 
+@app.command("support")
+def study_support(out: Out, quick: Quick = False, json: Json = None) -> None:
+    """Show what one and two hanging sleepers do to the peak force over a dip and a rise, on two tracks (a minute)."""
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.studies import gallery, support_study
+
+    gallery.make_folder(out / "support")  # before anything is computed
+    with terminal.progress() as bar:
+        found = support_study.run(
+            coarse=quick,
+            start_progress=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
+            on_fit=terminal.say,
+        )
+    shown = gallery.write_study(found, out)
+    gallery.write_page(
+        out / "support.html", [shown], title=found.title,
+        introduction="A sleeper that hangs has 2 % of the track's stiffness and damping beneath it.",
+    )  # fmt: skip
+    with json_output.lines(json) as lines:
+        json_output.write(lines, found.measured)
+    terminal.show_table(support_study.summary(found))
+    _tell([shown], out)
+    terminal.say(f"page: {out / 'support.html'}")
+
+
 def _tell(shown: "list[RenderedStudy]", out: Path) -> None:
     from weld_force_ros.cli import terminal
 

@@ -80,7 +80,7 @@ def _weld(weld: WeldRecord) -> dict[str, Any]:
         "history": weld.history and _history(weld.history),
         "profile": weld.profile and _profile(weld.profile, weld.settings),
         "grinding": weld.grinding and _grinding(weld.grinding),
-        "support": support_sentences(weld.verdict, UNSET if weld.force_map is None else weld.force_map.support),
+        "support": weld.force_map and support_sentences(weld.verdict, weld.force_map.support),
         "provenance": _provenance(weld),
     }
     return {name: value for name, value in content.items() if value}
