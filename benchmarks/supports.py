@@ -1,7 +1,7 @@
 """Compare peaks over hanging sleepers with those of finite elements, and print by how much they differ.
 
-`python -m benchmarks.supports` takes `common-poles` (a minute); with `--reference`, the other engine on `bilbao-viscous`
-(some minutes).
+`python -m benchmarks.supports` takes `common-poles` (a minute); with `--reference`, the other engine on
+`bilbao-viscous` (some minutes).
 """
 
 import sys
