@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cache, partial
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numba
 import numpy as np
@@ -25,6 +25,7 @@ from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, WheelPat
 TRANSIENT_WINDOW_S = 0.0125
 RUN_OUT_S = 0.3
 NEGLIGIBLE = 2e-4  # of the static load: a transient that is not waited for
+_NEGLIGIBLE_IN_WINDOW = 1e-3  # where smooth rail near a support that differs is the peak
 _UNFILTERED = 6  # results of a passage without filters
 # Lanes exist in compiled code only.
 USE_SIMD = not numba.config.DISABLE_JIT
@@ -155,7 +156,8 @@ class SimdBatch:
             span=solver.span_grid // self._stride,
         )
         self._states = _speed_blocks([speed.steady_state.states for speed in speeds])
-        self._smooth_n = np.stack([speed.steady_state.smooth_n for speed in speeds])
+        smooth_n = np.stack([speed.steady_state.smooth_n for speed in speeds])
+        self._extremes = SmoothExtremes.of(solver, smooth_n, self._stride)
 
     def peaks(
         self,
@@ -177,7 +179,9 @@ class SimdBatch:
             found[blocks[:, None], pairs] = results
         by_speed = found.transpose(0, 2, 1, 3).reshape(-1, selected.shape[1], found.shape[3])[: len(selected)]
         shown = with_filters_later(filters, places.starts // self._stride, by_speed)
-        return with_smooth_extremes(self._solver, self._smooth_n, self._stride, places.starts, shown)
+        if self._extremes is None:
+            return shown
+        return self._extremes.added(self._solver, self._stride, places.starts, shown)
 
     def _paired(self, selected: Selection) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return speed blocks (n_pair,) and pairs of places (n_pair, 2) at which any of their passages is selected."""
@@ -220,6 +224,8 @@ class ScalarBatch:
 
     def __init__(self, solver: SteadyStateSolver, speeds: list[SpeedTables]) -> None:
         self._solver, self._speeds = solver, speeds
+        smooth_n = np.stack([speed.steady_state.smooth_n for speed in speeds])
+        self._extremes = SmoothExtremes.of(solver, smooth_n, speeds[0].steady_state.stride)
         self._filters = cache(
             lambda cutoffs_hz: low_pass([speed.steady_state for speed in speeds], solver.wheel.mass_kg, cutoffs_hz)
         )
@@ -242,8 +248,7 @@ class ScalarBatch:
             found[row, own] = results
         stride = self._speeds[0].steady_state.stride
         shown = with_filters_later(filters, places.starts // stride, found)
-        smooth_n = np.stack([speed.steady_state.smooth_n for speed in self._speeds])
-        return with_smooth_extremes(self._solver, smooth_n, stride, places.starts, shown)
+        return shown if self._extremes is None else self._extremes.added(self._solver, stride, places.starts, shown)
 
     def _simulate(self, places: PassageStarts, filters: LowPass, row: int, columns: NDArray[np.intp]) -> FloatArray:
         speed, starts = self._speeds[row], places.starts[columns]
@@ -273,7 +278,8 @@ class ScalarBatch:
 
 def negligible_n(solver: SteadyStateSolver) -> float:
     """Return the transient that is not waited for."""
-    return NEGLIGIBLE * solver.wheel.static_load_n
+    share = NEGLIGIBLE if solver.model.spans == 1 else _NEGLIGIBLE_IN_WINDOW
+    return share * solver.wheel.static_load_n
 
 
 def column_count(filters: LowPass) -> int:
@@ -304,25 +310,49 @@ def with_filters_later(filters: LowPass, starts: StepCounts, found: FloatArray) 
     return found[:, :, :shown]
 
 
-def with_smooth_extremes(
-    solver: SteadyStateSolver, smooth_n: FloatArray, stride: int, starts: StepCounts, found: FloatArray
-) -> FloatArray:
-    """Return results (n_speed, n_place, n) to which smooth rail's extremes in a window of spans belong as well.
+class SmoothExtremes(NamedTuple):
+    """Extremes of the force on smooth rail about the weld, met with rising x and against, each (n_speed, 2).
 
-    On a periodic track they come in every span, and a passage has seen them. Where a few supports differ, the rail near
+    Where all supports are alike they come in every span, and a passage has seen them. Where a few differ, the rail near
     them is part of what is asked for, whether or not the passage over the weld itself came to it.
+
+    Attributes:
+        highest_n: greatest force.
+        highest_at: its place, in steps from sleeper 0 of the track.
+        lowest_n: least force.
     """
-    if solver.model.spans == 1:
+
+    highest_n: FloatArray
+    highest_at: FloatArray
+    lowest_n: FloatArray
+
+    @classmethod
+    def of(cls, solver: SteadyStateSolver, smooth_n: FloatArray, stride: int) -> "SmoothExtremes | None":
+        """Return those of forces (n_speed, n_grid); None where all supports are alike."""
+        if solver.model.spans == 1:
+            return None
+        half = smooth_n.shape[1] // 4  # of a window; the period is two
+        origins = [0, _image(solver) // stride]
+        near = np.stack([smooth_n[:, (origin + np.arange(-half, half)) % smooth_n.shape[1]] for origin in origins])
+        at = near.argmax(axis=2) - half + np.array(origins)[:, None]
+        return cls(near.max(axis=2).T, at.T.astype(np.float64), near.min(axis=2).T)
+
+    def added(
+        self, solver: SteadyStateSolver, stride: int, starts: StepCounts, found: FloatArray, speeds: Any = np.s_[:]
+    ) -> FloatArray:
+        """Return results (n_speed, n_place, n) of passages that begin at `starts`, with these where they are beyond."""
+        image = _image(solver)
+        against = np.abs(starts - image) < np.abs(starts)
+        highest, at, lowest = (values[speeds][:, against.astype(np.intp)] for values in self)
+        found[..., 1] = np.where(highest > found[..., 0], at - starts / stride, found[..., 1])
+        found[..., 0] = np.maximum(found[..., 0], highest)
+        found[..., 2] = np.minimum(found[..., 2], lowest)
         return found
-    half = smooth_n.shape[1] // 4  # of a window; the period is two
-    for place, start in enumerate(starts // stride):
-        near = smooth_n[:, (start + np.arange(-half, half)) % smooth_n.shape[1]]
-        highest = near.max(axis=1)
-        higher = highest > found[:, place, 0]
-        found[higher, place, 1] = near.argmax(axis=1)[higher] - half
-        found[:, place, 0] = np.maximum(found[:, place, 0], highest)
-        found[:, place, 2] = np.minimum(found[:, place, 2], near.min(axis=1))
-    return found
+
+
+def _image(solver: SteadyStateSolver) -> int:
+    """Return the grid point of sleeper 0 of the mirror image."""
+    return round((solver.model.opposite_m - solver.model.spacing_m) / solver.grid_m)
 
 
 def _speed_blocks(arrays: Sequence[ArrayLike]) -> NDArray[Any]:

@@ -19,11 +19,11 @@ from weld_force_ros.physics.passage._contact import Filters
 from weld_force_ros.physics.passage._sampled_path import sampled_locally
 from weld_force_ros.physics.passage._simd import LANES, QUARTER, SPEEDS
 from weld_force_ros.physics.passage.batch import (
+    SmoothExtremes,
     column_count,
     negligible_n,
     speed_tables,
     with_filters_later,
-    with_smooth_extremes,
 )
 from weld_force_ros.physics.passage.lowpass import CUTOFFS_HZ, LowPass, low_pass
 from weld_force_ros.physics.passage.peak_map import PeakMap
@@ -69,6 +69,7 @@ class LaneTables:
         self._input_scale = np.stack([step.input_scale for step in steps])
         self._gains = np.stack([step.gains for step in steps])
         self._smooth_n = np.stack([table.steady_state.smooth_n for table in tables])
+        self._extremes = SmoothExtremes.of(solver, self._smooth_n, self._stride)
         self._states = np.stack([table.steady_state.states for table in tables])
         self._windows = np.array([table.window for table in tables])
         self._run_outs = np.array([table.run_out for table in tables])
@@ -113,12 +114,10 @@ class LaneTables:
         found: FloatArray = in_lanes.reshape(-1, count, AT_ONCE, results.shape[2])[: len(samples)]
         if low_passed:
             found = self._with_later(filters, places, speeds, found)
-        if self._solver.model.spans > 1:
+        if self._extremes is not None:
             for place, (start, chosen) in enumerate(zip(places.starts, speeds, strict=True)):
-                of_place = found[:, place].transpose(1, 0, 2)
-                starts = np.full(len(found), start)
-                shown = with_smooth_extremes(self._solver, self._smooth_n[chosen], self._stride, starts, of_place)
-                found[:, place] = shown.transpose(1, 0, 2)
+                of_place, starts = found[:, place].transpose(1, 0, 2), np.full(len(found), start)
+                self._extremes.added(self._solver, self._stride, starts, of_place, chosen)
         shown = np.concatenate([found[..., :_SHOWN], found[..., 6:]], axis=3)
         if not np.all(np.isfinite(shown)):
             raise NumericalError("a passage did not stay finite; the fit of this track cannot be used at that speed")
