@@ -67,6 +67,10 @@ class Uncertainty(msgspec.Struct, kw_only=True, frozen=True):
         ]
         | UnsetType
     ) = UNSET
+    hanging_share: (
+        Annotated[float, Meta(description="share of sleepers that hang, of the two beside each weld", gt=0.0, lt=1.0)]
+        | UnsetType
+    ) = UNSET
 
 
 class SimulationSettings(Message, kw_only=True):
@@ -167,6 +171,13 @@ class UncertaintyResult(msgspec.Struct, kw_only=True):
     edge_dip_m: list[Metres] = []
     inclination_rad: Cells | UnsetType = UNSET
     step_m: Cells | UnsetType = UNSET
+    hanging: (
+        Annotated[
+            list[Annotated[int, Meta(ge=0, le=3)]],
+            Meta(description="sleepers that hang: 1 for the one before the weld, plus 2 for the next"),
+        ]
+        | UnsetType
+    ) = UNSET
 
 
 class ForceMap(Message, kw_only=True):
@@ -273,7 +284,7 @@ class ForceMap(Message, kw_only=True):
             return None
         samples = (
             "gradient_rad", "straightedge_m", "support_factor", "hertz_factor", "wheel_radius_m", "inclination_rad",
-            "step_m",
+            "step_m", "hanging",
         )  # fmt: skip
         others = (*samples, "positions_m", "edge_base_m", "edge_peak_m", "edge_dip_m")
         cells = [name for name in self.spread.__struct_fields__ if name not in others]

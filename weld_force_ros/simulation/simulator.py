@@ -15,14 +15,22 @@ from weld_force_ros.messages import (
     OppositeDirection,
     SimulationSettings,
     SpeedCurve,
+    Uncertainty,
+    UncertaintyResult,
     WeldProfile,
 )
 from weld_force_ros.physics.engines.greens_function import GreensFunctionModel
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
-from weld_force_ros.simulation import track_file
-from weld_force_ros.simulation.force_map_view import Passages, relevant_positions, relevant_range, rounded
+from weld_force_ros.simulation import hanging_samples, track_file
+from weld_force_ros.simulation.force_map_view import (
+    Passages,
+    RelevantMap,
+    relevant_positions,
+    relevant_range,
+    rounded,
+)
 from weld_force_ros.simulation.profile_measures import profile_measures
 from weld_force_ros.simulation.running import Run, directed_runs, drawn_alike, stated_running
 from weld_force_ros.simulation.track_at_weld import TrackAtWeld, TracksAtWelds, stated_support
@@ -185,9 +193,30 @@ class Simulator:
         if track.sampler is not None:
             relevant, draw = relevant_range(force_map), track.sampler.geometries
             geometries = drawn_alike(profile, draw) if len(runs) > 1 else draw(profile)
-            force_map.spread = track.sampler.result(np.array(profile.x_m), np.array(profile.z_m), relevant, geometries)
+            spread = track.sampler.result(np.array(profile.x_m), np.array(profile.z_m), relevant, geometries)
+            may_hang = track is self.tracks.usual and isinstance(track.sampler.unknown.hanging_share, float)
+            force_map.spread = self._hung(spread, track.sampler.unknown, relevant, wheel_path) if may_hang else spread
         force_map.elapsed_s = time.perf_counter() - began_s
         return force_map
+
+    def _hung(
+        self, spread: UncertaintyResult, unknown: Uncertainty, relevant: RelevantMap, wheel_path: WheelPath
+    ) -> UncertaintyResult:
+        """Return samples in which sleepers beside the weld hang as often as is said."""
+        which = hanging_samples.drawn(unknown)
+        hanging: dict[int, Passages] = {}
+        for way in np.unique(which[which > 0]).tolist():
+            vehicle_track = self.tracks.supported(hanging_samples.states(way)).vehicle_track
+            runs = [Run(direction, vehicle_track.opposite_m) for direction in relevant.by_direction]
+            peak_maps = vehicle_track.maps_of_few(
+                [run.path(wheel_path) for run in runs],
+                relevant.speeds_kmh,
+                np.stack([run.places(relevant.positions_m) for run in runs]),
+                low_passed=True,
+            )
+            both = Passages.stacked([self._passages(peak_map) for peak_map in peak_maps])
+            hanging[way] = both.worst(axis=0).worst(axis=0)
+        return hanging_samples.hung(spread, which, relevant.passages.worst(axis=0), hanging)
 
     def _columns(self, run: Run, peak_map: PeakMap) -> dict[str, Any]:
         """Return the columns of a direction, as messages hold them."""

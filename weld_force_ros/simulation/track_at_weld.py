@@ -19,7 +19,7 @@ from weld_force_ros.simulation import fit_store
 from weld_force_ros.simulation.sampling import Sampler
 from weld_force_ros.simulation.track_file import TrackDefinition
 
-_MOST_REMEMBERED = 4  # tracks whose supports differ
+_MOST_REMEMBERED = 8  # tracks whose supports differ
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class TracksAtWelds:
         self._wheel = Wheel(
             settings.wheel_mass_kg, settings.static_load_n, settings.wheel_radius_m, settings.hertz_n_per_m15
         )
-        self.usual = self._made(())
+        self.usual = self._made((), sampled=True)
         self._differing = lru_cache(_MOST_REMEMBERED)(self._made)
 
     def at(self, profile: WeldProfile) -> TrackAtWeld:
@@ -70,9 +70,13 @@ class TracksAtWelds:
             NumericalError: no usable fit was found.
         """
         states = stated_support(profile, self._settings)
-        return self._differing(states) if states else self.usual
+        return self._differing(states, sampled=True) if states else self.usual
 
-    def _made(self, states: tuple[SupportState, ...]) -> TrackAtWeld:
+    def supported(self, states: tuple[SupportState, ...]) -> TrackAtWeld:
+        """Return the track with some supports, without samples; see `at`."""
+        return self._differing(states, sampled=False)
+
+    def _made(self, states: tuple[SupportState, ...], *, sampled: bool) -> TrackAtWeld:
         definition, settings, wheel, threads = self._definition, self._settings, self._wheel, self._threads
         supports = local_supports(states) if states else None
         vehicle_track: VehicleTrackModel | GreensFunctionModel
@@ -86,7 +90,7 @@ class TracksAtWelds:
         else:
             fit = self._fit(supports)
             vehicle_track, error = VehicleTrackModel(fit.model(), wheel, threads=threads), fit.error
-        return TrackAtWeld(vehicle_track, error, self._sampler(supports))
+        return TrackAtWeld(vehicle_track, error, self._sampler(supports) if sampled else None)
 
     def _fit(self, supports: LocalSupports | None) -> fit_store.AnyFit:
         engine = self._settings.engine
