@@ -15,6 +15,7 @@ import typer
 from weld_force_ros.cli import bag, campaign, limits, replay, study
 from weld_force_ros.cli.assess import assess
 from weld_force_ros.cli.bench import bench
+from weld_force_ros.cli.benchmark import benchmark
 from weld_force_ros.cli.demo import demo
 from weld_force_ros.cli.fit import fit
 from weld_force_ros.cli.grind import grind
@@ -38,7 +39,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for _command in (assess, inspect, simulate, grind, report, show, demo, up, population, receptance, fit, schema, bench):
+for _command in (
+    assess, inspect, simulate, grind, report, show, demo, up, population, receptance, fit, schema, bench, benchmark,
+):  # fmt: skip
     app.command()(_command)
 app.command(context_settings={"ignore_unknown_options": True, "allow_extra_args": True})(node)
 app.add_typer(limits.app, name="limits")

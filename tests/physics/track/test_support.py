@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weld_force_ros.physics.track.beam import Rail, Track, receptance
+from weld_force_ros.physics.track.beam import receptance
 from weld_force_ros.physics.track.support import Spring, Support, TabulatedSpring
+from weld_force_ros.studies.benchmark_study import PublishedSupport, rolland
 
 PAD = Spring(120e6, 0.2, 3e3)
 UNDER_SLEEPER = Spring(90e6, 0.0, 40e3)
@@ -134,30 +135,13 @@ def test_a_chain_that_does_not_close_is_refused():
         Support((PAD, BALLAST), (100.0, 100.0))
 
 
-# |mobility| / force at a support: rolland 26.08a1 (M. Mantel et al., github.com/mantelmax/rolland, BSD-3-Clause),
-# tests/data/data_analytical_methods.csv, columns TSDiscr1LSupp and TSDiscr2LSupp, 241 supports; read 2026-11-28.
-ROLLAND_RAIL = Rail(60.2, 76.70e-4, 3038.30e-8, 210e9, 81e9, 0.4, 0.02)
-ROLLAND_PAD = Spring(300e6, 0.25)
-ROLLAND = {
-    20.0: (2.7166909598214677e-07, 9.63598425649954e-07),
-    318.19879919946635: (6.782719261168785e-06, 3.175304246278191e-06),
-    616.3975983989327: (7.7079991131176e-06, 8.24470683350756e-06),
-    914.596397598399: (4.074570350542365e-06, 4.081518653226263e-06),
-    1212.7951967978654: (5.111140527742743e-06, 4.837134550220056e-06),
-    1809.192795196798: (4.115735023509788e-06, 4.119486217705812e-06),
-    2703.789192795197: (3.1461357920267396e-06, 3.143573681459215e-06),
-}
-
-
-@pytest.mark.parametrize(
-    "support", [Support((ROLLAND_PAD,)), Support((ROLLAND_PAD, Spring(50e6, 1.0)), (162.0,))], ids=["one", "two"]
-)
-def test_receptance_of_one_and_of_two_layers_is_that_of_rolland(support: Support):
-    hz = np.array(list(ROLLAND))
-    published = np.array([row[len(support.masses_kg)] for row in ROLLAND.values()])
-    track = Track("rolland", ROLLAND_RAIL, support, 0.6)
+@pytest.mark.parametrize("published", rolland().supports, ids=lambda published: published.layers)
+def test_receptance_of_one_and_of_two_layers_is_that_of_rolland(published: PublishedSupport):
+    hz = np.array(rolland().frequency_hz)
+    track = rolland().track(published)
     mobility = np.abs(receptance(track, hz, [0.0])[0]) * 2 * np.pi * hz
-    np.testing.assert_allclose(mobility, published, rtol=1e-3)
+    np.testing.assert_allclose(mobility, published.mobility_m_per_ns, rtol=1e-3)
     # The comparison can fail: a tenth more pad is seen.
-    other = replace(track, support=support.stiffer(1.1))
-    assert np.abs(np.abs(receptance(other, hz, [0.0])[0]) * 2 * np.pi * hz / published - 1).max() > 1e-2
+    other = replace(track, support=track.support.stiffer(1.1))
+    found = np.abs(receptance(other, hz, [0.0])[0]) * 2 * np.pi * hz
+    assert np.abs(found / published.mobility_m_per_ns - 1).max() > 1e-2
