@@ -58,13 +58,13 @@ test("a change too small to print is not said", () => {
   assert.equal(page.changeWords(100.04e3, 100e3, "than before", {}).length, 0);
 });
 
-test("no difference below the model's error is an advantage of slowing down", () => {
+test("no difference below fit error and model uncertainty is an advantage of slowing down", () => {
   const error = {error_share: 0.2, static_n: 100e3};
-  assert.deepEqual(page.changeWords(141e3, 150e3, "than before", error), [", no difference beyond the model's error"]);
+  assert.deepEqual(page.changeWords(141e3, 150e3, "than before", error), [", no difference beyond fit error and model uncertainty"]);
   assert.equal(page.changeWords(139e3, 150e3, "than before", error)[1].textContent, "7 % less");
   const restrictions = [[160, 150e3], [140, 141e3], [120, 130e3]].map(([speed_kmh, peak_force_n]) => ({speed_kmh, peak_force_n, change: peak_force_n / 150e3 - 1, within_limits: true}));
   assert.equal(page.restrictionTable({restrictions}, error).textContent,
-    "Restricted to: 140 km/h no difference beyond the model's error (within limits), 120 km/h −13 % (within limits)");
+    "Restricted to: 140 km/h no difference beyond fit error and model uncertainty (within limits), 120 km/h −13 % (within limits)");
 });
 
 const EDGE = criterion({name: "straightedge_dip", value: 0.19e-3, limit: 0.05e-3, unit: "m", base_m: 1, rule_book: "banenor-531", source_kind: "standard", source: "TRV"});
@@ -97,7 +97,7 @@ test("the overall decision carries its risk, and speeds in sentences are rounded
   assert.equal(page.riskWords(verdict), "Overall, at an accepted risk of 5 %; accepted only where both questions are answered");
   assert.equal(page.whatToDo(verdict), "Choose a rule book.");
   assert.equal(page.untilWords(verdict), "Highest computed speed with all forces within limits: 105 km/h (computed up to 160 km/h).");
-  assert.deepEqual(page.curveWords({...verdict, curve_class: "rises"}), ["no local minimum", "that exceeds the model's error"]);
+  assert.deepEqual(page.curveWords({...verdict, curve_class: "rises"}), ["no local minimum", "that exceeds fit error and model uncertainty"]);
   assert.deepEqual(page.curveWords({curve_class: "rises"}), ["rises", "slower is never worse"]);
 });
 

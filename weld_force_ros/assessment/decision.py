@@ -3,8 +3,8 @@
 After ISO 14253-1 and JCGM 106: a weld is accepted if the probability that it exceeds a limit is at most the accepted
 risk, refused if it is at least one minus that, and undecided between. Probabilities are means over the samples of what
 is uncertain and, where the weld's position in the span is unknown, over positions, all of them equally likely. A force
-carries the error of the model as well: a sample exceeds its limit with the probability that a normal deviation takes it
-there.
+carries the engine's fit error and the model uncertainty, of what no engine knows, as well: a sample exceeds its limit
+with the probability that a normal deviation takes it there.
 """
 
 from collections.abc import Sequence
@@ -50,7 +50,7 @@ class Judged:
         criterion: as the verdict shows it.
         levels: what the limit comes to.
         values: (n_sample, n_position), over speeds the worst; of geometry (n_sample, 1).
-        deviation: of each value, the standard deviation that the model adds.
+        deviation: of each value, the standard deviation that fit error and model uncertainty add.
     """
 
     limit: Limit
@@ -90,7 +90,7 @@ def widened(values: FloatArray) -> FloatArray:
 def model_deviation(
     name: str, values: FloatArray, relevant: RelevantMap, rows: Sequence[ModelUncertainty]
 ) -> FloatArray:
-    """Return the standard deviation that fit and model add to a criterion's values, in its unit.
+    """Return the standard deviation that fit error and model uncertainty add to a criterion's values, in its unit.
 
     Both are shares of the force's dynamic part, so of how far a criterion is from its value at rest.
     """
@@ -102,7 +102,7 @@ def model_deviation(
 
 
 def force_share(relevant: RelevantMap, rows: Sequence[ModelUncertainty]) -> float:
-    """Return the standard deviation of forces, of fit and model together, as a share of the dynamic part."""
+    """Return fit error and model uncertainty together, a standard deviation as a share of forces' dynamic part."""
     return float(np.hypot(_fit_error(relevant), model_share(relevant, rows)))
 
 
@@ -112,7 +112,7 @@ def _fit_error(relevant: RelevantMap) -> float:
 
 
 def model_share(relevant: RelevantMap, rows: Sequence[ModelUncertainty]) -> float:
-    """Return the model's standard deviation as a share of the dynamic part, for this weld on this track."""
+    """Return the model uncertainty of this weld on this track, a standard deviation as a share of the dynamic part."""
     measures, pad = relevant.force_map.measures, relevant.force_map.pad_n_per_m
     length_m = 0.0 if isinstance(measures, UnsetType) or isinstance(measures.length_m, UnsetType) else measures.length_m
     stiffness = 0.0 if isinstance(pad, UnsetType) else pad
@@ -213,14 +213,14 @@ def measure_next(
     if not measurable:
         return (
             f"no measurement of the weld decides {nearest.limit.name}: {shares.get(_MODEL, 0.0):.0%} of its variance "
-            "is the model's own: go by the geometry, or have the force measured"
+            "is fit error and model uncertainty: go by the geometry, or have the force measured"
         )
     name = measurable[0]
     return f"{_MEASUREMENTS[name]} ({shares[name]:.0%} of the variance of {nearest.limit.name} is {name})"
 
 
 def _shares(judged: Judged, spread: UncertaintyResult | UnsetType) -> dict[str, float]:
-    """Return shares of the variance of a criterion's value, the model's own among them."""
+    """Return shares of the variance of a criterion's value, fit error and model uncertainty as one of them."""
     sampled = float(np.var(judged.values))
     model = float(np.mean(judged.deviation**2))
     total = sampled + model

@@ -129,7 +129,7 @@ class LimitConstraints:
         return [self._excess(limit, profile, passages) for limit in self._limits]
 
     def _sure(self, limit: Limit, limits: AssessmentSettings, relevant: RelevantMap) -> float:
-        """Return the share of a limit that a force may reach for the model's uncertainty to keep the accepted risk."""
+        """Return the share of a limit that a force may reach to keep the accepted risk, its uncertainty considered."""
         rules, at_most = limits.rules, self._at_most[id(limit)]
         if limit.name in GEOMETRY_CRITERIA or limit.name == "contact_loss" or isinstance(rules, UnsetType):
             return 1.0

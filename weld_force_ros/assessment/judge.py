@@ -171,7 +171,7 @@ def deciding_history(
 
 
 def told_apart(relevant: RelevantMap, limits: AssessmentSettings) -> float | None:
-    """Return the share of forces' dynamic part below which their differences are the model's error.
+    """Return the share of forces' dynamic part below which differences are fit error and model uncertainty.
 
     None where rules accept no risk, as in earlier versions: every difference is then told.
     """

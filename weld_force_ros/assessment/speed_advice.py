@@ -1,7 +1,7 @@
 """Advise on speed: force is not monotonic in it, so that a speed restriction can make things worse.
 
-Where the model's error is known, no difference smaller than it is told: neither a local minimum nor a maximum, nor what
-a restriction changes, nor a speed beyond limits.
+Where fit error and model uncertainty are known, no difference smaller than they are is told: neither a local minimum
+nor a maximum, nor what a restriction changes, nor a speed beyond limits.
 
 A speed is within limits if every force criterion that decides is; limits for lines of certain speeds are those of a
 line of that speed. Geometry criteria do not depend on speed and are left out.
@@ -49,8 +49,8 @@ def advise(
         speeds_kmh: (n,), increasing, up to the line's speed.
         worst: (n,), the worst over all relevant positions at each speed.
         limits: those for force criteria count.
-        error_share: the model's standard deviation as a share of the force's dynamic part; with None, as in earlier
-            versions, every difference is told and speeds in words are not rounded.
+        error_share: fit error and model uncertainty, a standard deviation as a share of the force's dynamic part; with
+            None, as in earlier versions, every difference is told and speeds in words are not rounded.
     """
     share, rest_n = error_share or 0.0, worst.static_load_n
     up_to_within = within_limits(speeds_kmh, worst.accumulated(), limits)
@@ -75,7 +75,7 @@ def advise(
 
 
 def _avoid(speeds_kmh: FloatArray, worst: Passages, limits: Sequence[Limit], share: float) -> list[SpeedBand]:
-    """Return the speeds beyond limits, of those bands that reach beyond them by more than the model's error."""
+    """Return the speeds beyond limits, of those bands that reach beyond them by more than `error_share`."""
     rest_n = worst.static_load_n
     less: dict[str, Any] = {
         name: values if name == "contact_loss_s" else rest_n + (1 - share) * (values - rest_n)

@@ -98,7 +98,7 @@ def show_maps(maps: Iterable[ForceMap]) -> None:
             (
                 force_map.weld_id,
                 f"{peak_n / 1e3:.1f}",
-                _model_error_kn(force_map, peak_n),
+                _fit_error_kn(force_map, peak_n),
                 f"{peak_n / force_map.static_load_n:.2f}",
                 f"{force_map.speeds_kmh[speed]:g}",
                 f"{force_map.positions_m[position] * 100:.0f}",
@@ -111,7 +111,7 @@ def show_maps(maps: Iterable[ForceMap]) -> None:
     table(
         "Force maps: the worst passage of each",
         [
-            ("weld", ""), ("peak kN", "right"), ("model ± kN", "right"), ("dyn. load factor", "right"),
+            ("weld", ""), ("peak kN", "right"), ("fit error ± kN", "right"), ("dyn. load factor", "right"),
             ("at km/h", "right"), ("cm after sleeper", "right"), ("running", ""), ("contact loss ms", "right"),
             ("passages", "right"),
             ("s", "right"),
@@ -120,7 +120,7 @@ def show_maps(maps: Iterable[ForceMap]) -> None:
     )  # fmt: skip
 
 
-def _model_error_kn(force_map: ForceMap, peak_n: float) -> str:
+def _fit_error_kn(force_map: ForceMap, peak_n: float) -> str:
     if not isinstance(force_map.model_error, float):
         return "?"
     return f"{force_map.model_error * (peak_n - force_map.static_load_n) / 1e3:.1f}"

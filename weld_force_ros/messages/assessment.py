@@ -81,7 +81,7 @@ class Limit(msgspec.Struct, kw_only=True, frozen=True):
 
 
 class ModelUncertainty(msgspec.Struct, kw_only=True, frozen=True):
-    """How far forces may be off the truth beyond the error of the fit, by length of the defect and kind of track.
+    """How far forces may be off the truth beyond the fit error, by length of the defect and kind of track.
 
     Attributes:
         share: standard deviation, as a share of the force's dynamic part.
@@ -113,7 +113,7 @@ class Rules(msgspec.Struct, kw_only=True, frozen=True):
         source: where these rules come from.
         accepted_risk: a weld is accepted if the probability that it exceeds a limit is at most that, and refused if it
             is at least one minus that; without it, values are compared with limits and probabilities only shown.
-        model_uncertainty: of forces; counts in probabilities.
+        model_uncertainty: of forces, for what the model leaves out; counts in probabilities, with the fit error.
     """
 
     unknown_position: UnknownPosition = "undecided"

@@ -207,8 +207,9 @@ class ForceMap(Message, kw_only=True):
         Annotated[
             float,
             Meta(
-                description="about the relative error of the force's dynamic part (force less static load) that comes"
-                " from representing this track in time; large where loss factors are not causal",
+                description="fit error: about the relative error of the force's dynamic part (force less static load)"
+                " that comes from fitting this track in time; large where loss factors are not causal; what the model"
+                " leaves out is the rules' model_uncertainty",
                 ge=0.0,
             ),
         ]

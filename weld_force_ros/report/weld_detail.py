@@ -142,7 +142,7 @@ def _map(force_map: ForceMap, share: float | None) -> dict[str, Any]:
 def _hollow(force_map: ForceMap, shape: tuple[int, int], share: float) -> NDArray[np.bool_]:
     """Return which cells (n_speed, n_position) lie in a local minimum over speed; none on too coarse a grid.
 
-    Only those that are deeper than the model's error, a share of the force's dynamic part.
+    Only those that are deeper than fit error and model uncertainty, a share of the force's dynamic part.
     """
     peaks = worse_passages(force_map).peak_force_n
     try:
@@ -305,7 +305,7 @@ def _provenance(weld: WeldRecord) -> list[list[str]]:
         "track": force_map and force_map.track,
         "engine": force_map and force_map.engine,
         "grid": force_map and _grid(force_map),
-        "model error": force_map
+        "fit error": force_map
         and force_map.model_error is not UNSET
         and f"about {force_map.model_error:.1%} of the dynamic force",
         "vehicle": _vehicle(verdict, force_map),

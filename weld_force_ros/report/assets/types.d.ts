@@ -173,7 +173,7 @@ interface Curves {
   speeds_kmh: number[];
   series: Series[];
   best: {speeds_kmh: number[]; peak_n: number[]} | null;
-  /** Differences of forces below that share of their dynamic part are the model's error. */
+  /** Differences of forces below that share of their dynamic part are not told apart: fit error and model uncertainty. */
   error_share?: number;
   static_n?: number;
 }

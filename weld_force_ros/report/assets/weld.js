@@ -222,7 +222,7 @@ function facts({verdict, map}) {
     .flatMap(({name, exceeding}) => (exceeding === undefined ? [] : [{name, exceeding}])).sort((a, b) => b.exceeding - a.exceeding)[0];
   return element(
     "dl", {class: "facts"},
-    fact("Peak force", kilonewtons(verdict.peak_force_n), [`${(verdict.peak_force_n / verdict.static_load_n).toFixed(2)} × static`, map?.model_error && `model ± ${kilonewtons(map.model_error * (verdict.peak_force_n - verdict.static_load_n))}`].filter(Boolean).join(", ")),
+    fact("Peak force", kilonewtons(verdict.peak_force_n), [`${(verdict.peak_force_n / verdict.static_load_n).toFixed(2)} × static`, map?.model_error && `fit error ± ${kilonewtons(map.model_error * (verdict.peak_force_n - verdict.static_load_n))}`].filter(Boolean).join(", ")),
     fact("Worst at", kmh(verdict.worst_speed_kmh), `weld ${centimetres(verdict.worst_position_m)} cm after the sleeper`),
     said && fact("Highest computed speed with all forces within limits", permitted === undefined ? "none" : verdict.geometry ? proseKmh(permitted) : kmh(permitted), `computed up to ${kmh(verdict.judged_speed_kmh)}`),
     !verdict.geometry && riskiest && fact("Probability of exceedance", percent(riskiest.exceeding), `of ${verdict.samples} samples: ${criterionInSentence(riskiest.name)}`),
@@ -237,7 +237,7 @@ function facts({verdict, map}) {
  */
 function curveWords({curve_class: curve, geometry}) {
   if (curve === "hollow") return ["has a local minimum", "slower can be worse"];
-  return geometry ? ["no local minimum", "that exceeds the model's error"] : ["rises", "slower is never worse"];
+  return geometry ? ["no local minimum", "that exceeds fit error and model uncertainty"] : ["rises", "slower is never worse"];
 }
 
 // --- charts -----------------------------------------------------------------------------------------------------------
@@ -254,7 +254,7 @@ function mapPart(map, verdict, still, later) {
   if (!still) holder.setAttribute("tabindex", "0");
   later(() => drawMap(holder, readout, map, verdict, still));
   return card("Peak force by speed and position", holder, !still && readout,
-    element("p", {class: "hint"}, `${map.hollow.includes("1") ? `Outlined: local minima over speed${verdict.geometry ? " deeper than the model's error" : ""}, where a lower speed reached more. ` : ""}✕: worst. Dashed: sleepers.${still ? "" : " Point, tap, or use the arrow keys."}`));
+    element("p", {class: "hint"}, `${map.hollow.includes("1") ? `Outlined: local minima over speed${verdict.geometry ? " deeper than fit error and model uncertainty" : ""}, where a lower speed reached more. ` : ""}✕: worst. Dashed: sleepers.${still ? "" : " Point, tap, or use the arrow keys."}`));
 }
 
 /**
@@ -355,7 +355,7 @@ function restrictionWords(curves, judged, index) {
 function changeWords(force, from, than, {error_share: share = 0, static_n: atRest = 0}) {
   const change = force / from - 1;
   if (Math.abs(change) < 5e-4) return [];
-  if (Math.abs(force - from) < share * (Math.max(force, from) - atRest)) return [", no difference beyond the model's error"];
+  if (Math.abs(force - from) < share * (Math.max(force, from) - atRest)) return [", no difference beyond fit error and model uncertainty"];
   return [", ", element("strong", {}, `${percent(change)} ${change > 0 ? "MORE" : "less"}`), ` ${than}`];
 }
 
@@ -368,7 +368,7 @@ function restrictionTable({restrictions}, {error_share: share = 0, static_n: atR
   const top = restrictions[0].peak_force_n;
   /** @type {(r: {change: number, peak_force_n: number}) => string} */
   const changed = (r) => (Math.abs(r.peak_force_n - top) < share * (Math.max(r.peak_force_n, top) - atRest)
-    ? "no difference beyond the model's error" : `${r.change > 0 ? "+" : "−"}${percent(Math.abs(r.change))}`);
+    ? "no difference beyond fit error and model uncertainty" : `${r.change > 0 ? "+" : "−"}${percent(Math.abs(r.change))}`);
   return element("p", {class: "hint"}, "Restricted to: " + restrictions.slice(1, 9).map((r) =>
     `${number(r.speed_kmh, 4)} km/h ${changed(r)}${r.within_limits ? " (within limits)" : ""}`).join(", "));
 }
