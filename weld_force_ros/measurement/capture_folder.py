@@ -80,6 +80,7 @@ class CaptureFolder:
             profile_sha256=profile_sha256(x_m, z_m),
             rail=self._rail or UNSET,
             chainage_m=round(mark.chainage_m, 6),
+            chainage_direction="with",
             line_speed_kmh=mark.line_speed_kmh,
             weld_position_m=mark.weld_position_m,
             conditioning=[*window.conditioning, "weld found in the rail" if mark.found else "weld marked"],

@@ -24,7 +24,8 @@ _HEAD_LINES = 40
 _PLAIN = "plain text"
 HeaderKey = Literal[
     "x_unit", "z_unit", "z_positive", "weld_id", "rail", "instrument", "operator", "measured_on", "chainage_m",
-    "line_speed_kmh", "weld_position_m", "running", "kind", "detrend", "centre", "noise", "samples",
+    "line_speed_kmh", "weld_position_m", "running", "chainage_direction", "kind", "detrend", "centre", "noise",
+    "samples",
 ]  # fmt: skip
 Column = str | Annotated[int, Meta(ge=1, le=64)]
 
@@ -61,6 +62,7 @@ class InstrumentFormat(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
         line_speed_kmh: line speed in km/h.
         weld_position_m: the weld's centre after the preceding sleeper, in m.
         running: how trains run: `with` if x rises in their direction, `against` if it falls, `both`.
+        chainage_direction: `with` if chainage rises with x, `against` if it falls.
         detrend: `line` removes the line between the two ends, `none` nothing.
         centre: position of the weld's centre in `x_unit`.
         noise: `auto`, `none`, or the standard deviation of the measurement noise in m.
@@ -93,6 +95,7 @@ class InstrumentFormat(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     line_speed_kmh: float | None = None
     weld_position_m: float | None = None
     running: str | None = None
+    chainage_direction: str | None = None
     detrend: str | None = None
     centre: float | None = None
     noise: str | float | None = None

@@ -299,13 +299,15 @@ def _understood(
         done.insert(0, f"first {form.skip_rows} lines skipped")
     _check_bounds(found.x_m, found.z_m, mended, header)
     content: dict[str, Any] = {"weld_id": name}
-    content |= {key: header[key].text for key in (*statements.TEXTS, "kind", "running") if key in header}
+    content |= {key: header[key].text for key in (*statements.TEXTS, *statements.DIRECTIONS, "kind") if key in header}
     if form.x_direction == "against":  # turned, so that x rises in the running direction
         content.setdefault("running", "with")
     content |= {"weld_id": table.weld} if table.weld else {}
     content |= {key: statements.stated_number(header[key], key) for key in statements.NUMBERS if key in header}
     if "chainage_m" not in content and abs(found.centre) > _CHAINAGE_FROM_M:
-        content["chainage_m"] = round(float(found.centre), 6)
+        turned = form.x_direction == "against"
+        content["chainage_m"] = round(float(-found.centre if turned else found.centre), 6)
+        content.setdefault("chainage_direction", "against" if turned else "with")
     content |= {"source": source[-200:], "x_m": found.x_m, "z_m": found.z_m, "conditioning": done[:50]}
     content |= {"profile_sha256": profile_sha256(found.x_m, found.z_m), "source_sha256": digest}
     content |= {"format": form.name[:200]} | found.measured
@@ -379,7 +381,7 @@ def samples_csv(profile: WeldProfile, *, noise: str) -> str:
     """
     present = {
         key: value
-        for key in (*statements.TEXTS, *statements.NUMBERS, "kind", "running")
+        for key in (*statements.TEXTS, *statements.NUMBERS, *statements.DIRECTIONS, "kind")
         if (value := getattr(profile, key)) is not UNSET
     }
     stated = present | {"x_unit": "mm", "z_unit": "um", "z_positive": "up", "detrend": "none", "centre": "0"}

@@ -15,6 +15,7 @@ from weld_force_ros.messages.fields import (
     MAX_PROFILE_SPACING_M,
     MAX_SAMPLES,
     MIN_PROFILE_SAMPLES,
+    ChainageDirection,
     GeometryKind,
     IrregularityKind,
     Message,
@@ -54,8 +55,9 @@ class WeldProfile(Message, kw_only=True):
     """A measured weld: the rail's geometry, conditioned, about the weld's centre.
 
     `x_m` has 0 at the weld's centre and increases strictly; `z_m` is positive up. In which direction trains run along
-    it, `running` says, where the file or the stream states it. Where the geometry was estimated from noisy samples,
-    these stand beside it: `measured_x_m`, `measured_z_m`, levelled and centred like the estimate, and `noise`.
+    it, `running` says, where the file or the stream states it, and which way chainage goes, `chainage_direction`. Where
+    the geometry was estimated from noisy samples, these stand beside it: `measured_x_m`, `measured_z_m`, levelled and
+    centred like the estimate, and `noise`.
     """
 
     weld_id: Name
@@ -80,6 +82,7 @@ class WeldProfile(Message, kw_only=True):
     kind: IrregularityKind | UnsetType = UNSET
     operator: Name | UnsetType = UNSET
     running: Running | UnsetType = UNSET
+    chainage_direction: ChainageDirection | UnsetType = UNSET
     measured_on: Annotated[Name, Meta(description="date as the file states it")] | UnsetType = UNSET
     file_version_of: (
         Annotated[

@@ -10,6 +10,7 @@ from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
 
 from weld_force_ros.assessment.criteria import FORCE_CRITERIA, sentence_in_words
+from weld_force_ros.assessment.grinding_spots import ends_in_words, side_in_words
 from weld_force_ros.assessment.judge import told_apart
 from weld_force_ros.assessment.limits import decides, levels, ratio, within_limits
 from weld_force_ros.assessment.rule_books import limits_by_book, verified_of
@@ -264,15 +265,16 @@ def _measured(profile: WeldProfile) -> dict[str, Any]:
 def _grinding(advice: GrindingAdvice) -> dict[str, Any]:
     x, ground = np.array(advice.x_m), np.array(advice.z_m) - np.array(advice.removal_m)
     drawn = thinned(ground, MOST_POINTS)
-    removed = np.flatnonzero(np.array(advice.removal_m) > 0.02 * advice.most_removed_m)
     content = {
         "reached": advice.reached,
         "reason": advice.reason,
         "x_m": decimals(x[drawn], 5),
         "ground_m": decimals(ground[drawn], 7),
         "most_removed_m": significant(advice.most_removed_m),
-        "from_m": significant(x[removed[0]], 3) if len(removed) else None,
-        "to_m": significant(x[removed[-1]], 3) if len(removed) else None,
+        "spots": [{**short(msgspec.to_builtins(spot)), "side": side_in_words(spot)} for spot in advice.spots],
+        "ends": ends_in_words(advice.chainage_direction),
+        "hand_margin_m": significant(advice.hand_margin_m) or None,
+        "peak_by_hand_n": known(advice.peak_by_hand_n),
         "band_limit_m": significant(advice.band_limit_m),
         "stone_radius_m": significant(advice.stone_radius_m),
         "decision_before": advice.decision_before,

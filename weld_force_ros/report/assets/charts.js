@@ -92,7 +92,20 @@ function drawGeometry(holder, profile, grinding, still) {
   if (grinding?.ground_m && grinding.most_removed_m > 0) {
     traces.push(trace(grinding.x_m, grinding.ground_m, "rail after grinding", {color: COLOURS.green, width: 2, dash: "dot"}));
   }
-  return draw(holder, traces, layout({title: "distance from the weld's centre, mm"}, {title: "height, µm"}), still);
+  const marks = grinding?.spots.length ? spotMarks(grinding) : {};
+  return draw(holder, traces, layout({title: "distance from the weld's centre, mm"}, {title: "height, µm"}, marks), still);
+}
+
+/**
+ * The spots that are ground as bands with their depth, and the names of the sides.
+ * @param {Grinding} grinding
+ */
+function spotMarks({spots, ends: [falling, rising]}) {
+  const shapes = spots.map(({from_m: from, to_m: to}) => ({type: "rect", xref: "x", yref: "paper", x0: from * 1e3, x1: to * 1e3, y0: 0, y1: 1,
+    fillcolor: "rgba(230, 159, 0, .16)", line: {width: 0}, layer: "below"}));
+  const depths = spots.map(({deepest_m: at, depth_m: depth}) => label(at * 1e3, `grind ${hundredths(depth)}`));
+  const side = {xref: "paper", y: 0, yanchor: "bottom"};
+  return {shapes, annotations: [...depths, label(0, `← ${falling}`, {...side, xanchor: "left"}), label(1, `${rising} →`, {...side, xanchor: "right"})]};
 }
 
 // --- force map --------------------------------------------------------------------------------------------------------
