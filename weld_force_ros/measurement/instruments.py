@@ -30,6 +30,14 @@ HeaderKey = Literal[
 Column = str | Annotated[int, Meta(ge=1, le=64)]
 
 
+class InstrumentError(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """An instrument's own form error beside its noise: standard deviation, and length along the rail, in m."""
+
+    deviation: Annotated[float, Meta(gt=0, le=1e-3)]
+    length: Annotated[float, Meta(ge=0.05, le=10.0)]
+    source: str
+
+
 class InstrumentFormat(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The form of an instrument's files, and statements about the measurements in them.
 
@@ -66,6 +74,7 @@ class InstrumentFormat(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
         detrend: `line` removes the line between the two ends, `none` nothing.
         centre: position of the weld's centre in `x_unit`.
         noise: `auto`, `none`, or the standard deviation of the measurement noise in m.
+        form_error: of the instrument; samples that are taken as they are have none.
     """
 
     name: str = _PLAIN
@@ -99,6 +108,7 @@ class InstrumentFormat(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     detrend: str | None = None
     centre: float | None = None
     noise: str | float | None = None
+    form_error: InstrumentError | None = None
 
     def with_statements(self, stated: "InstrumentFormat | None") -> "InstrumentFormat":
         """Return this format with what a user states in place of what it says itself."""

@@ -293,7 +293,7 @@ def _understood(
     record.without_nines(mended)
     measured = len(mended.samples)
     record.bridged(mended)
-    found = geometry.exact(mended, header) if exact else geometry.estimated(mended, header)
+    found = geometry.exact(mended, header) if exact else geometry.estimated(mended, header, form.form_error)
     done = [*notes, *table.notes, *mended.notes, *found.done]
     if form.skip_rows:
         done.insert(0, f"first {form.skip_rows} lines skipped")

@@ -78,6 +78,7 @@ from weld_force_ros.messages.fields import (
 from weld_force_ros.messages.live import Inquiry, RailSurface, Rejection, Settled, WeldMarker
 from weld_force_ros.messages.profile import (
     EdgeReading,
+    FormError,
     MeasurementNoise,
     ProfileMeasures,
     WeldProfile,
@@ -131,6 +132,7 @@ __all__ = [
     "ForceHistory",
     "ForceMap",
     "ForceN",
+    "FormError",
     "GeometryKind",
     "GrindingAdvice",
     "GrindingSpot",

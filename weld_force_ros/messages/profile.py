@@ -31,6 +31,20 @@ from weld_force_ros.messages.fields import (
 )
 
 
+class FormError(msgspec.Struct, kw_only=True, frozen=True):
+    """An instrument's own form error, the same in every measurement: its bend and its calibration.
+
+    Attributes:
+        deviation_m: standard deviation of the heights.
+        length_m: along the rail, over which the error's correlation falls to 1/e.
+        source: of the numbers.
+    """
+
+    deviation_m: Annotated[float, Meta(description="m, standard deviation", gt=0.0)]
+    length_m: Annotated[float, Meta(description="m", gt=0.0)]
+    source: Text = ""
+
+
 class MeasurementNoise(msgspec.Struct, kw_only=True, frozen=True):
     """What is known of the noise in measured heights, and how the geometry was estimated from them.
 
@@ -42,6 +56,7 @@ class MeasurementNoise(msgspec.Struct, kw_only=True, frozen=True):
         stated: whether the noise was known, not estimated.
         resolution_m: the step in which heights were written; absent if there is none.
         outliers_m: positions of the samples that were set aside as wrong.
+        form_error: of the instrument, which no estimate takes out; it counts beside the noise.
     """
 
     method: Name
@@ -49,6 +64,7 @@ class MeasurementNoise(msgspec.Struct, kw_only=True, frozen=True):
     stated: bool = False
     resolution_m: Annotated[float, Meta(description="m", gt=0.0)] | UnsetType = UNSET
     outliers_m: Annotated[list[float], Meta(max_length=MAX_SAMPLES)] = []
+    form_error: FormError | UnsetType = UNSET
 
 
 class WeldProfile(Message, kw_only=True):
