@@ -36,7 +36,7 @@ def test_of_a_removal_that_is_shallow_throughout_the_deeper_half_is_the_spot():
     [
         ("with", "against rising chainage", "towards rising chainage"),
         ("against", "towards rising chainage", "against rising chainage"),
-        (UNSET, "x < 0; chainage's direction not stated", "x > 0; chainage's direction not stated"),
+        (UNSET, "x < 0; chainage not stated", "x > 0; chainage not stated"),
     ],
 )
 def test_sides_are_named_by_chainage_where_its_direction_is_known(chainage, first: str, second: str):
@@ -44,7 +44,7 @@ def test_sides_are_named_by_chainage_where_its_direction_is_known(chainage, firs
     assert [side_in_words(spot) for spot in spots] == [first, second]
     falling, rising = ends_in_words(chainage)
     if chainage is not UNSET:
-        assert (falling, rising) == (first, second)
+        assert [falling, rising] == [spot.side for spot in spots]
         assert {spot.side for spot in spots} == {"rising chainage", "falling chainage"}
     else:
         assert [spot.side for spot in spots] == [UNSET, UNSET]

@@ -21,7 +21,7 @@ def test_the_drawing_marks_the_spots_names_the_sides_and_draws_the_index_with_it
     rail, index, force = figures.grinding(advice).axes
     words = [text.get_text() for text in rail.texts]
     assert f"{advice.spots[0].depth_m * 1e3:.2f} mm" in words
-    assert {"← against rising chainage", "towards rising chainage →"} <= set(words)
+    assert {"← falling chainage", "rising chainage →"} <= set(words)
     (band,) = (patch for patch in rail.patches if patch.get_width() > 0)
     assert (band.get_x(), band.get_x() + band.get_width()) == pytest.approx((-400, -100))
     before, after, norm = index.lines
@@ -34,5 +34,5 @@ def test_the_drawing_marks_the_spots_names_the_sides_and_draws_the_index_with_it
 
 def test_the_drawing_says_where_nobody_stated_which_way_chainage_goes(advice: GrindingAdvice):
     rail, index, _ = figures.grinding(replace(advice, chainage_direction=UNSET, gradient_norm_rad=UNSET)).axes
-    assert "← x < 0 (chainage's direction not stated)" in [text.get_text() for text in rail.texts]
+    assert "← x < 0 (chainage not stated)" in [text.get_text() for text in rail.texts]
     assert index.get_ylabel() == "inclination, mrad"

@@ -14,7 +14,7 @@ _WORDS = {
     "falling chainage": "against rising chainage",
     "both": "on both sides",
 }
-_UNKNOWN = "chainage's direction not stated"
+_UNKNOWN = "chainage not stated"
 
 
 def grinding_spots(removal: Removal, chainage: ChainageDirection | UnsetType = UNSET) -> list[GrindingSpot]:
@@ -53,8 +53,8 @@ def ends_in_words(chainage: ChainageDirection | UnsetType) -> tuple[str, str]:
     """Return what lies beyond the ends of a weld, that of falling x and that of rising x."""
     if isinstance(chainage, UnsetType):
         return f"x < 0 ({_UNKNOWN})", "x > 0"
-    rising, falling = _WORDS["rising chainage"], _WORDS["falling chainage"]
-    return (falling, rising) if chainage == "with" else (rising, falling)
+    ends = ("falling chainage", "rising chainage")
+    return ends if chainage == "with" else (ends[1], ends[0])
 
 
 def by_hand(removal: Removal, margin_m: float) -> list[Profile]:

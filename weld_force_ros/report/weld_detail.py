@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
 
-from weld_force_ros.assessment.criteria import FORCE_CRITERIA, sentence_in_words
+from weld_force_ros.assessment.criteria import FORCE_CRITERIA, gradient_norm_rad, sentence_in_words
 from weld_force_ros.assessment.grinding_spots import ends_in_words, side_in_words
 from weld_force_ros.assessment.judge import told_apart
 from weld_force_ros.assessment.limits import decides, levels, ratio, within_limits
@@ -29,6 +29,7 @@ from weld_force_ros.messages import (
     WeldProfile,
     known,
 )
+from weld_force_ros.physics.analysis.geometry import inclinations
 from weld_force_ros.physics.analysis.speed_curve import surface_features
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.wheel_path import wheel_path_over
@@ -47,6 +48,7 @@ from weld_force_ros.simulation.running import direction_in_words
 
 MOST_POINTS = 400
 _LONGEST_RAW_TEXT = 4_000
+_INDICES_TOGETHER = 10  # of every 0.5 mm
 _NINETY_PERCENT = 1.645  # standard deviations on either side
 _HEADER = ("schema_version", "publisher", "sequence", "stamp")
 
@@ -78,7 +80,7 @@ def _weld(weld: WeldRecord) -> dict[str, Any]:
         "map": weld.force_map and _map(weld.force_map, share),
         "curves": weld.force_map and _curves(weld.force_map, weld.verdict, weld.limits, share),
         "history": weld.history and _history(weld.history),
-        "profile": weld.profile and _profile(weld.profile, weld.settings),
+        "profile": weld.profile and _profile(weld.profile, weld.settings) | _quality_index(weld.profile, weld),
         "grinding": weld.grinding and _grinding(weld.grinding),
         "provenance": _provenance(weld),
     }
@@ -243,6 +245,23 @@ def _profile(profile: WeldProfile, settings: SimulationSettings | None) -> dict[
         content |= {"low_m": decimals(z[drawn] - beyond, 7), "high_m": decimals(z[drawn] + beyond, 7)}
         content |= _measured(profile)
     return content
+
+
+def _quality_index(profile: WeldProfile, weld: WeldRecord) -> dict[str, Any]:
+    """Return the quality index along the weld, the largest within 5 mm each, and its norm on the line."""
+    line_kmh = known(profile.line_speed_kmh) or (weld.force_map and relevant_range(weld.force_map).line_kmh)
+    if not line_kmh:
+        return {}
+    norm = gradient_norm_rad(line_kmh, weld.limits.gradient_norm if weld.limits else [])
+    x_m, slope = inclinations(profile.x_m, profile.z_m)
+    index = np.maximum.reduceat(np.abs(slope) / norm, np.arange(0, len(x_m), _INDICES_TOGETHER))
+    return {
+        "index": decimals(index, 3),
+        "index_from_m": round(float(x_m[:_INDICES_TOGETHER].mean()), 5),
+        "index_step_m": round(float(x_m[_INDICES_TOGETHER] - x_m[0]), 5),
+        "norm_rad": significant(norm),
+        "norm_kmh": line_kmh,
+    }
 
 
 def _measured(profile: WeldProfile) -> dict[str, Any]:

@@ -198,6 +198,13 @@ interface Profile {
   wrong_z_m?: number[];
   wheel_x_m?: number[];
   wheel_m?: number[];
+  /** The quality index along the weld: inclination over 25 mm over the norm. */
+  index?: number[];
+  index_from_m?: number;
+  index_step_m?: number;
+  norm_rad?: number;
+  /** The line's speed, or the highest that was computed, that the norm is of. */
+  norm_kmh?: number;
 }
 
 interface Grinding {

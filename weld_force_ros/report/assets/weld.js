@@ -375,7 +375,8 @@ function restrictionTable({restrictions}, {error_share: share = 0, static_n: atR
  */
 function geometryPart(profile, grinding, still, later) {
   const noise = profile.noise_m === undefined ? "" : ` Measurement noise of ${number(profile.noise_m * 1e6, 2)} µm is taken out.`;
-  const holder = chart(`Height of the rail over the weld, and the wheel centre's path.${noise}`, "low");
+  const worst = profile.index?.length ? ` Its quality index along the rail, ${number(Math.max(...profile.index))} at most, above it.` : "";
+  const holder = chart(`Height of the rail over the weld, and the wheel centre's path.${worst}${noise}`, worst ? "" : "low");
   later(() => drawGeometry(holder, profile, grinding, still));
   return card("Geometry", holder);
 }
