@@ -99,12 +99,7 @@ def estimated(mended: Record, header: Mapping[str, Stated], error: InstrumentErr
     x_m, raw_m = np.array(x, dtype=np.float64), np.array([float(v) for v in _heights(mended, header)])
     origin_m = x_m[0]
     plausibility.check_measured(x_m, raw_m, **units)
-    stated = header.get("noise")
-    noise_m = None if stated is None or stated.text == "auto" else stated_number(stated, "noise")
-    if noise_m is not None and noise_m <= 0:
-        raise ProfileError(
-            f"{stated.where if stated else ''}noise {noise_m:g}", "state auto, none, or metres such as 5e-6"
-        )
+    noise_m = _stated_noise_m(header)
     done = [_converted(header)]
     if repeatability_m := _repeatability_m(mended, x_m - origin_m):
         passes = len(mended.samples[0].z)
@@ -146,6 +141,17 @@ def estimated(mended: Record, header: Mapping[str, Stated], error: InstrumentErr
     }
     z = [round(float(v), _ESTIMATE_DECIMALS) + 0.0 for v in z_m]
     return Geometry(about_centre(grid_m), z, centre, done, measured)
+
+
+def _stated_noise_m(header: Mapping[str, Stated]) -> float | None:
+    """Return the standard deviation of the noise as stated; None if it is to be estimated."""
+    stated = header.get("noise")
+    if stated is None or stated.text == "auto":
+        return None
+    noise_m = stated_number(stated, "noise")
+    if noise_m <= 0:
+        raise ProfileError(f"{stated.where}noise {noise_m:g}", "state auto, none, or metres such as 5e-6")
+    return noise_m
 
 
 def _centre(x: list[Decimal], header: Mapping[str, Stated], x_m: FloatArray, z_m: FloatArray) -> tuple[Decimal, str]:
