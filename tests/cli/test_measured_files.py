@@ -52,10 +52,19 @@ def test_inspect_of_a_file_that_cannot_be_read_says_why_and_goes_on(
     assert "x_unit, z_unit, z_positive not stated" in err
 
 
+def test_inspect_tells_the_form_error_of_the_instrument(capfd: pytest.CaptureFixture[str]) -> None:
+    file = Path(__file__).parent.parent / "data" / "instrument_files" / "railprof.txt"
+    code, (line,), err = run(capfd, "inspect", str(file), "--json", "-")
+    assert code == 0
+    assert json.loads(line)["form_error_m"] == 1.7e-5
+    assert "17 um over 0.5 m, counted in intervals" in " ".join(err.replace("│", " ").split())
+
+
 def test_inspect_of_an_exact_shape_takes_it_as_it_is(capfd: pytest.CaptureFixture[str]) -> None:
     code, (line,), err = run(capfd, "inspect", "weld-1-dip", "--json", "-")
     assert code == 0
     assert json.loads(line)["noise_m"] == 0.0
+    assert json.loads(line)["form_error_m"] is None
     assert "samples taken as they are" in err
 
 

@@ -14,6 +14,7 @@ from weld_force_ros.measurement.profile_file import find, read_profile
 from weld_force_ros.messages import (
     ForceMap,
     GrindingAdvice,
+    GrindingSpot,
     PositionOutcome,
     Rejection,
     SimulationSettings,
@@ -116,6 +117,8 @@ def ground() -> WeldRecord:
         after=[replace(c, passed=True, value=0.8 * c.limit) for c in base.verdict.criteria],
         speeds_kmh=base.force_map.speeds_kmh, peak_before_n=peaks, peak_after_n=[0.8 * p for p in peaks],
         reference_checked=12, reference_within=12, reference_peak_n=180e3, elapsed_s=3.0,
+        spots=[GrindingSpot(from_m=-0.4, to_m=-0.1, depth_m=max(removal), deepest_m=-0.3, side="falling chainage")],
+        hand_margin_m=0.03e-3, peak_by_hand_n=185e3, chainage_direction="with", gradient_norm_rad=2e-3,
     )  # fmt: skip
     return WeldRecord(
         replace(base.verdict, weld_id="KM12-ground"),

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from msgspec import UNSET
 
 from tests.soak.malformed import check_refusal
 from weld_force_ros.errors import InputError, ProfileError
 from weld_force_ros.measurement.instruments import InstrumentFormat, format_of, load, recognised, shipped
 from weld_force_ros.measurement.profile_file import parse_profile
-from weld_force_ros.messages import encode
+from weld_force_ros.messages import FormError, MeasurementNoise, encode
 
 X_MM = np.arange(-600, 601, 5)
 Z_MM = np.where(abs(X_MM) <= 150, -0.2 * (1 + np.cos(2 * np.pi * X_MM / 300)), 0.0)
@@ -189,3 +190,37 @@ def test_any_descriptor_reads_a_file_or_is_refused_in_one_line(tmp_path: Path, f
         return
     with suppress(ProfileError):
         encode(parse_profile(text, "a", form))
+
+
+def test_an_instrument_states_its_form_error_which_its_profiles_carry(tmp_path: Path) -> None:
+    error = "form_error: {deviation: 2.0e-5, length: 0.5, source: its data sheet}\n"
+    form = load(descriptor(tmp_path, TEN_LINES + error))
+    noise = parse_profile(lines_of(), "a", form).noise
+    assert noise.form_error == FormError(deviation_m=2e-5, length_m=0.5, source="its data sheet")
+    assert parse_profile(lines_of(), "a", load(descriptor(tmp_path, TEN_LINES))).noise.form_error is UNSET
+    # Samples that are taken as they are have none: exact shapes stay exact.
+    exact = form.with_statements(InstrumentFormat(noise="none"))
+    assert parse_profile(lines_of(), "a", exact).noise == MeasurementNoise(method="none", noise_m=0.0)
+
+
+@pytest.mark.parametrize(
+    ("error", "says"),
+    [
+        ("{deviation: 0, length: 0.5, source: x}", "form_error.deviation"),
+        ("{deviation: 20, length: 0.5, source: x}", "form_error.deviation"),
+        ("{deviation: 2.0e-5, length: 0.001, source: x}", "form_error.length"),
+        ("{deviation: 2.0e-5, length: 0.5}", "source"),
+    ],
+)
+def test_a_form_error_that_cannot_be_is_refused_by_the_field(error: str, says: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        load(descriptor(tmp_path, TEN_LINES + f"form_error: {error}\n"))
+    assert says in str(caught.value)
+
+
+def test_the_bundled_straightedge_has_the_deviation_of_its_data_sheet() -> None:
+    """0.030 mm either way, all values alike: a standard deviation of 0.030 mm / sqrt(3)."""
+    error = shipped()["railprof"].form_error
+    assert error is not None
+    assert error.deviation == pytest.approx(0.030e-3 / 3**0.5, rel=0.02)
+    assert "not verified" in error.source

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import UNSET
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement import capture_folder, live_capture
@@ -371,6 +372,33 @@ def test_units_and_sign_are_those_stated(bench: Bench):
     )
     live.mark(WeldMarker(chainage_m=1.0))
     assert_tells_the_rail(bench.profiles[0], level, 1e-9)
+
+
+def surface(x: np.ndarray, **stated: Any) -> RailSurface:
+    form = {"chainage_unit": "m", "height_unit": "m", "height_positive": "up"}
+    return RailSurface(chainage=x.tolist(), height=level(x).tolist(), **form, **stated)
+
+
+def test_how_trains_run_is_what_the_stream_said_last_and_else_what_the_node_says(bench: Bench):
+    """Three welds: none stated yet, stated in a batch, and after that in none, measured backwards."""
+    live = bench.live(running="both")
+    for place_m in (1.0, 3.0, 5.0):
+        live.mark(WeldMarker(chainage_m=place_m))
+    x = np.arange(0.0, 2.0, 1e-3)
+    live.push(surface(x))
+    live.push(surface(x + 2.0, running="against"))
+    live.push(surface(x[::-1] + 4.0))
+    live.finish()
+    assert [profile.running for profile in bench.profiles] == ["both", "against", "against"]
+    assert {profile.chainage_direction for profile in bench.profiles} == {"with"}
+
+
+def test_where_nobody_says_how_trains_run_the_capture_leaves_it_to_the_settings(bench: Bench):
+    live = bench.live()
+    live.mark(WeldMarker(chainage_m=1.0))
+    live.push(surface(np.arange(0.0, 2.0, 1e-3)))
+    live.finish()
+    assert bench.profiles[0].running is UNSET
 
 
 def test_a_batch_longer_than_the_rail_that_is_kept_captures_all_its_welds(bench: Bench):

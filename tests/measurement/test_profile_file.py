@@ -650,3 +650,24 @@ def test_refusal_is_one_short_printable_line_whatever_the_file_says() -> None:
         parse_profile(text.replace("z", "h"), "km12\n.csv", MM_UM_UP)
     assert str(caught.value).isprintable()
     assert len(str(caught.value)) < 600
+
+
+def test_a_file_says_which_way_its_chainage_goes_and_keeps_saying_so(tmp_path: Path) -> None:
+    profile = parse_profile(csv_text("# chainage_direction: Against\n"), "km12.csv")
+    assert profile.chainage_direction == "against"
+    write_profile(profile, tmp_path / "again.csv")
+    assert read_profile(tmp_path / "again.csv").chainage_direction == "against"
+    assert parse_profile(csv_text(), "km12.csv").chainage_direction is msgspec.UNSET
+    assert refused(csv_text("# chainage_direction: up\n")) == (
+        "km12.csv: line 5: chainage_direction 'up' is unknown; state one of with, against"
+    )
+
+
+def test_chainage_as_x_rises_with_x_and_falls_where_x_is_turned() -> None:
+    along = csv_text(samples=[(12_345_000 + mm, um) for mm, um in SAMPLES])
+    rising, turned = (
+        parse_profile(along, "km12.csv", replace(MM_UM_UP, x_direction=direction)) for direction in ("with", "against")
+    )
+    assert (rising.chainage_m, rising.chainage_direction) == (12345.05, "with")
+    assert (turned.chainage_m, turned.chainage_direction) == (12345.05, "against")
+    assert turned.z_m == rising.z_m[::-1]

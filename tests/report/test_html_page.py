@@ -9,6 +9,7 @@ from dataclasses import replace as replace_record
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
@@ -194,6 +195,22 @@ def test_a_criterion_that_does_not_decide_is_not_the_worst_of_a_row():
     beside = {c.name for c in weld("wheel-flat-0.9mm").verdict.criteria if not c.decides}
     assert beside
     assert row(1, weld("wheel-flat-0.9mm"))["worst"]["name"] not in beside
+
+
+def test_the_quality_index_along_a_weld_is_its_inclination_over_the_norm_of_the_line():
+    """By hand: heights 25 mm apart, less the chord of 1 m; the norm at 140 km/h is 3.2 - 2.2 * 100 / 260 mrad."""
+    base = ground()
+    profile = replace(base.profile, line_speed_kmh=140.0)
+    shown = content(replace_record(base, profile=profile, limits=replace(base.limits, gradient_norm=[])))["profile"]
+    assert shown["norm_rad"] == pytest.approx((3.2 - 2.2 * 100 / 260) * 1e-3, rel=1e-3)
+    x, z = np.array(profile.x_m), np.array(profile.z_m)
+    at = np.arange(-0.5, 0.4751, 0.0005)
+    chord = np.interp(0.5, x, z) - np.interp(-0.5, x, z)
+    index = np.abs((np.interp(at + 0.025, x, z) - np.interp(at, x, z)) / 0.025 - chord) / shown["norm_rad"]
+    assert max(shown["index"]) == pytest.approx(index.max(), abs=2e-3)
+    worst_m = shown["index_from_m"] + shown["index_step_m"] * int(np.argmax(shown["index"]))
+    assert worst_m == pytest.approx(at[index.argmax()] + 0.0125, abs=6e-3)
+    assert len(shown["index"]) < 200
 
 
 def test_details_hold_what_a_section_shows():

@@ -2,7 +2,7 @@ const assert = require("node:assert/strict");
 const test = require("node:test");
 const {load} = require("./page_scripts.js");
 
-const names = ["answerPart", "beyondUpTo", "changeWords", "curveWords", "marginWords", "restrictionTable", "riskWords", "restrictionWords", "sentence", "stretches", "untilWords", "whatToDo", "why"];
+const names = ["answerPart", "beyondUpTo", "changeWords", "curveWords", "grindingPart", "marginWords", "restrictionTable", "riskWords", "restrictionWords", "sentence", "stretches", "untilWords", "whatToDo", "why"];
 const page = load(["words.js", "source.js", "table.js", "charts.js", "weld.js"], names);
 
 const criterion = (more) => ({name: "peak_force", value: 210e3, limit: 200e3, unit: "N", passed: false, verified: true, ratio: 1.05, ...more});
@@ -18,6 +18,14 @@ test("what to do follows the decision and the advice on grinding", () => {
   assert.equal(page.whatToDo({decision: "reject"}, advice), "Replace this weld (re-weld), or grind off at most 0.12 mm.");
   assert.equal(page.whatToDo({decision: "grind"}, {...advice, reached: false}), "No grinding was found that helps: replace this weld (re-weld).");
   assert.equal(page.whatToDo({decision: "undecided", measure: "measure its position"}), "Further measurement required: measure its position.");
+});
+
+test("the card of grinding lists the spots with side and depth, and the margin", () => {
+  const spots = [{from_m: -0.418, to_m: -0.042, depth_m: 3.74e-4, deepest_m: -0.282, side: "against rising chainage"}];
+  const advice = {reached: true, reason: "it helps", most_removed_m: 3.74e-4, spots, hand_margin_m: 3e-5, peak_by_hand_n: 154e3, band_limit_m: 0.1, stone_radius_m: 0.15, decision_before: "grind", decision_after: "accept", after: [], reference_checked: 0};
+  const words = page.grindingPart(advice).textContent;
+  for (const part of ["−418 to −42", "against rising chainage", "0.37 mm, at −282 mm", "0.03 mm too large or too small (peak up to 154 kN)"]) assert.ok(words.includes(part), `${part} in ${words}`);
+  assert.ok(!page.grindingPart({...advice, spots: [], hand_margin_m: undefined}).textContent.includes("too large"));
 });
 
 test("the highest speed within limits is said only where it was searched for", () => {

@@ -4,9 +4,11 @@ import msgspec
 import numpy as np
 import pytest
 from msgspec import UNSET
+from msgspec.structs import replace
 
 from benchmarks.noise import SHAPES, measured, true
 from weld_force_ros.measurement.profile_file import parse_profile, shipped_profile
+from weld_force_ros.messages import FormError, WeldProfile
 from weld_force_ros.simulation.measured_geometry import sampled_geometries, standard_deviation
 
 DIP = SHAPES["dip 0.2 mm over 250 mm"]
@@ -58,3 +60,29 @@ def test_stated_noise_and_a_wrong_sample_are_those_of_the_posterior() -> None:
     drawn = sampled_geometries(weld, 8, 1)
     assert drawn is not None
     assert np.abs(drawn).max() < 0.25e-3
+
+
+def with_form_error(weld: WeldProfile, deviation_m: float, length_m: float, **noise: object) -> WeldProfile:
+    error = FormError(deviation_m=deviation_m, length_m=length_m)
+    return replace(weld, noise=replace(weld.noise, form_error=error, **noise))
+
+
+@pytest.mark.parametrize("length_m", [0.25, 0.5, 2.0])
+def test_a_form_error_spreads_as_a_gaussian_process_that_is_levelled_at_both_ends(length_m: float) -> None:
+    """Less the mean of both ends: s^2 (1 + (1 + c(L)) / 2 - 2 c(L/2)) in the middle, c(d) = exp(-(d/l)^2)."""
+    weld, deviation_m = with_form_error(measured(DIP, 5e-3, 1e-5, 1), 2e-5, length_m, noise_m=0.0), 2e-5
+    off = sampled_geometries(weld, 4000, 1) - np.array(weld.z_m)
+    assert np.abs(off[:, [0, -1]]).max() < 1e-15
+    span_m = weld.x_m[-1] - weld.x_m[0]
+    correlation = np.exp(-((np.array([span_m, span_m / 2]) / length_m) ** 2))
+    expected_m = deviation_m * np.sqrt(1 + (1 + correlation[0]) / 2 - 2 * correlation[1])
+    assert off[:, len(weld.x_m) // 2].std() == pytest.approx(expected_m, rel=0.05)
+
+
+def test_a_form_error_counts_beside_the_noise_whose_draws_stay_what_they_are() -> None:
+    weld = measured(DIP, 5e-3, 1e-5, 2)
+    alone, hardly = sampled_geometries(weld, 8, 3), sampled_geometries(with_form_error(weld, 1e-15, 0.5), 8, 3)
+    assert hardly == pytest.approx(alone, abs=1e-13)
+    by_noise, by_both = standard_deviation(weld), standard_deviation(with_form_error(weld, 3e-5, 0.5))
+    middle = len(weld.x_m) // 2
+    assert by_both[middle] > 2 * by_noise[middle]

@@ -1,8 +1,8 @@
 """Advise on grinding: search the minimum removal with the simulator in the loop, then check it on the exact track.
 
-The search considers some of the speeds and positions. Its result is checked at all of them, and by the `reference`
-engine where forces come nearest to their limits; a limit that is exceeded there is tightened by as much, and the search
-continues from where it was.
+The search considers some of the speeds and positions. Its result is checked at all of them, with the depth off by the
+margin of a hand grinder too, and by the `reference` engine where forces come nearest to their limits; a limit that is
+exceeded there is tightened by as much, and the search continues from where it was.
 """
 
 import time
@@ -15,8 +15,10 @@ from msgspec import UNSET
 from msgspec.structs import replace as changed
 
 from weld_force_ros import SOFTWARE
+from weld_force_ros.assessment.criteria import gradient_norm_rad
 from weld_force_ros.assessment.grinding_constraints import Axes, LimitConstraints, PassageGrid, largest
 from weld_force_ros.assessment.grinding_search import Grinder, Removal, least_removal
+from weld_force_ros.assessment.grinding_spots import by_hand, grinding_spots
 from weld_force_ros.assessment.judge import judge_relevant
 from weld_force_ros.messages import (
     AssessmentSettings,
@@ -41,16 +43,18 @@ MOST_CHECKS = 3
 _SPEEDS, _POSITIONS = 12, 4  # that the search begins with
 _REFERENCE_SPEEDS, _REFERENCE_POSITIONS = 3, 3
 _APART_KMH = 15.0  # speeds nearer to each other say the same
-_NOTABLE_M = 5e-6  # of a removal: where it is said to begin and end
 _DECIMALS = 10
+_MOST_RELAXATION = 2.0  # deeper grinding leaves more that a hand can miss
 
 
 @dataclass(frozen=True)
 class _Found:
-    """A removal, its largest excess over a limit, and the result of its check on the exact track."""
+    """A removal, its largest excess over a limit, ground as advised and by hand, and its check on the exact track."""
 
     removal: Removal
     excess: float
+    by_hand: float = np.inf
+    peak_by_hand_n: float | None = None
     checked: int = 0
     within: int = 0
     peak_n: float | None = None
@@ -60,11 +64,16 @@ class _Found:
         """True if the reference agrees in every passage checked."""
         return self.within == self.checked
 
+    @property
+    def holds(self) -> bool:
+        """True if it is confirmed, and within limits though the depth is off by the margin."""
+        return self.confirmed and self.by_hand <= 0
 
-def _preference(found: _Found) -> tuple[float, float, float]:
-    """Return a key that is smaller for a better result: within limits, confirmed by the reference, little removed."""
+
+def _preference(found: _Found) -> tuple[float, float, float, float]:
+    """Return a key that is smaller for a better result: within limits, by hand too, confirmed, little removed."""
     disputed = 1 - found.within / found.checked if found.checked else 1.0
-    return max(found.excess, 0.0), disputed, found.removal.removed_m2
+    return max(found.excess, 0.0), max(found.by_hand, 0.0), disputed, found.removal.removed_m2
 
 
 class Adviser:
@@ -115,7 +124,10 @@ class Adviser:
         map_before = self._simulator.force_map(profile)
         relevant = relevant_range(map_before)
         before = judge_relevant(relevant, self._limits)
-        found = _Found(self._nothing(profile), 0.0) if _within(before) else self._search(profile, relevant, on_step)
+        if _within(before):
+            found = _Found(self._nothing(profile), 0.0, by_hand=0.0)
+        else:
+            found = self._search(profile, relevant, on_step)
         # What does not help is not advised, however near it comes.
         removal = found.removal if found.excess <= 0 else self._nothing(profile)
         map_after = _as_finely_measured(self._simulator.force_map(_ground(profile, removal)), map_before)
@@ -127,7 +139,7 @@ class Adviser:
             config_sha256=self._settings.config_sha256,
             limits_sha256=self._limits.limits_sha256,
             software=SOFTWARE,
-            reached=_within(after) and found.confirmed,
+            reached=_within(after) and found.holds,
             reason=_reason(before, found, self._grinder),
             x_m=removal.x_m.tolist(),
             z_m=removal.z_m.tolist(),
@@ -147,6 +159,11 @@ class Adviser:
             reference_within=found.within,
             reference_peak_n=UNSET if found.peak_n is None else found.peak_n,
             elapsed_s=time.perf_counter() - began,
+            spots=grinding_spots(removal, profile.chainage_direction),
+            hand_margin_m=self._grinder.hand_margin_m,
+            peak_by_hand_n=UNSET if found.peak_by_hand_n is None else found.peak_by_hand_n,
+            chainage_direction=profile.chainage_direction,
+            gradient_norm_rad=gradient_norm_rad(relevant.line_kmh, self._limits.gradient_norm),
         )
 
     def _nothing(self, profile: WeldProfile) -> Removal:
@@ -174,7 +191,8 @@ class Adviser:
             runs=directed_runs(relevant.force_map.running, reference.opposite_m),
         )
         considered = _added(_spread(grid), _worst_axes(excess, grid))
-        best, begin, checks = _Found(self._nothing(profile), largest(excess).max()), None, 0
+        best, begin = _Found(self._nothing(profile), largest(excess).max()), None
+        checks = hand_checks = 0
         for _ in range(MOST_ROUNDS):
             removal = least_removal(
                 x, z, partial(limits.constraints, grid=grid.at(*considered)), self._grinder, begin=begin,
@@ -192,12 +210,32 @@ class Adviser:
                 if removal.reached:
                     continue
                 break
+            found, hand_excess = self._ground_by_hand(found, limits, grid)
+            if found.by_hand > 0:
+                best = min(best, found, key=_preference)
+                hand_checks += 1
+                limits.tighten(excess, hand_excess, min(hand_checks, _MOST_RELAXATION))
+                considered = _added(considered, _worst_axes(hand_excess, grid))
+                continue
             found, by_reference = self._checked(found, limits, exact, excess)
             best, checks = min(best, found, key=_preference), checks + 1
             if found.confirmed or checks == MOST_CHECKS:
                 break
             limits.tighten(excess, by_reference)
         return best
+
+    def _ground_by_hand(
+        self, found: _Found, limits: LimitConstraints, grid: PassageGrid
+    ) -> tuple[_Found, list[FloatArray]]:
+        """Check the shapes that a hand grinder may leave; return also by how much the worst exceeds each limit."""
+        if self._grinder.hand_margin_m == 0.0:
+            return replace(found, by_hand=0.0), []
+        shapes = by_hand(found.removal, self._grinder.hand_margin_m)
+        passages = grid.over(shapes)
+        of_shapes = [limits.excess(shape, over) for shape, over in zip(shapes, passages, strict=True)]
+        excess = [np.max(of_limit, axis=0) for of_limit in zip(*of_shapes, strict=True)]
+        peak_n = max(float(over.peak_force_n.max()) for over in passages)
+        return replace(found, by_hand=float(largest(excess).max()), peak_by_hand_n=peak_n), excess
 
     def _checked(
         self, found: _Found, limits: LimitConstraints, exact: PassageGrid, excess: list[FloatArray]
@@ -253,7 +291,7 @@ def _worst_axes(excess: list[FloatArray], grid: PassageGrid) -> Axes:
 def _by_passage(excess: list[FloatArray], shape: tuple[int, ...]) -> FloatArray:
     """Return the largest excess of a force limit in each passage, of a shape; of geometry alone that everywhere."""
     of_forces = [e for e in excess if e.ndim == 2]
-    worst: FloatArray = np.max([np.broadcast_to(e, shape) for e in of_forces or excess], axis=0)
+    worst: FloatArray = np.max([np.broadcast_to(e, shape) for e in of_forces or largest(excess)], axis=0)
     return worst
 
 
@@ -288,13 +326,19 @@ def _reason(before: Verdict, found: _Found, grinder: Grinder) -> str:
         return "within its limits: nothing to grind"
     if found.excess > 0:
         return f"replace: no removal up to {grinder.most_m * 1e3:g} mm that was tried brings it within its limits"
-    removal = found.removal
-    places = removal.x_m[removal.removal_m > min(_NOTABLE_M, removal.removal_m.max() / 2)]
+    spots = grinding_spots(found.removal)
     took = (
-        f"up to {removal.removal_m.max() * 1e3:.2f} mm removed between {places[0] * 100:.0f} and "
-        f"{places[-1] * 100:.0f} cm from the weld's centre"
+        f"up to {found.removal.removal_m.max() * 1e3:.2f} mm removed between {spots[0].from_m * 100:.0f} and "
+        f"{spots[-1].to_m * 100:.0f} cm from the weld's centre"
     )
+    margin = f"{grinder.hand_margin_m * 1e3:.2g} mm"
+    if found.by_hand > 0:
+        return (
+            f"grind more exactly than by hand, or replace: {took} bring it within its limits, but not if the depth "
+            f"comes out {margin} too large or too small"
+        )
     reference = f"{found.within} of {found.checked} passages by the reference engine are"
     if not found.confirmed:
         return f"replace: {took} bring it within its limits, but only {reference}"
-    return f"{took} bring it within its limits; {reference}"
+    held = f", also with {margin} more or less" if grinder.hand_margin_m else ""
+    return f"{took} bring it within its limits{held}; {reference}"

@@ -22,8 +22,8 @@ from weld_force_ros.assessment.limits import applies, decides, levels
 from weld_force_ros.messages import AssessmentSettings, Limit, known
 from weld_force_ros.physics.analysis.geometry import (
     STRAIGHTEDGE_M,
+    inclinations,
     largest_gradient,
-    largest_inclination,
     largest_step,
     straightedge_gap,
     straightedge_readings,
@@ -40,6 +40,7 @@ _FAR = 0.15  # of a limit: grinding is not expected to bring a force that much n
 _LOW_PASSED = ("p2_force", "force_20hz")
 _SPARE = 1e-3  # of a limit that is left
 _KEPT = 0.005  # of the static load: the least force where contact must not be lost
+_PLACES_TOGETHER = 10  # of inclinations every 0.5 mm: within 5 mm the worst is taken
 _LOST_S = 1e-3  # without contact are as bad as a static load missing
 
 Indices: TypeAlias = NDArray[np.int64]
@@ -100,12 +101,18 @@ class LimitConstraints:
         worst = largest(excess)
         self._watched |= worst >= min(-_FAR, worst.max())
 
-    def tighten(self, excess: list[FloatArray], by_reference: list[FloatArray]) -> None:
-        """Tighten limits that the reference exceeds by as much as it differs from the fast engine."""
-        exact = 1 + largest(by_reference)
-        factors = np.where(exact > 1, (1 + largest(excess)) / exact, 1.0)
+    def tighten(self, excess: list[FloatArray], exceeded: list[FloatArray], relaxation: float = 1.0) -> None:
+        """Tighten limits that are exceeded in a check by as much as it differs from what the search was told.
+
+        Args:
+            excess: over each limit, as the search has it.
+            exceeded: over each limit, in the check.
+            relaxation: more than 1 where the difference grows as more metal goes.
+        """
+        found, checked = 1 + largest(excess), 1 + largest(exceeded)
+        factors = np.where(checked > 1, found / np.maximum(checked, 1.0) ** relaxation, 1.0)
         self._factors = np.minimum(self._factors, factors)
-        self.watch(by_reference)
+        self.watch(exceeded)
 
     def tightened(self, excess: list[FloatArray]) -> list[FloatArray]:
         """Return by how much the tightened limits are exceeded."""
@@ -125,7 +132,10 @@ class LimitConstraints:
         )
 
     def excess(self, profile: Profile, passages: Passages) -> list[FloatArray]:
-        """Return by how much each limit is exceeded: in each passage, or (1,) for a geometry limit."""
+        """Return by how much each limit is exceeded: in each passage, or (n_place,) along the rail for one of geometry.
+
+        One a place and not the largest alone: which place is the worst changes as metal goes, and with it the slopes.
+        """
         return [self._excess(limit, profile, passages) for limit in self._limits]
 
     def _sure(self, limit: Limit, limits: AssessmentSettings, relevant: RelevantMap) -> float:
@@ -155,20 +165,21 @@ class LimitConstraints:
             values = FORCE_CRITERIA[limit.name](passages)
             assert values is not None, "all forces are computed"  # noqa: S101
             return values
-        return np.array([self._of_geometry(limit, *profile)])
+        return np.atleast_1d(self._of_geometry(limit, *profile))
 
-    def _of_geometry(self, limit: Limit, x_m: FloatArray, z_m: FloatArray) -> float:
+    def _of_geometry(self, limit: Limit, x_m: FloatArray, z_m: FloatArray) -> FloatArray | float:
         if limit.name in EDGE_CRITERIA:
             # Beyond the record the rail is level, as it is simulated; the verdict refuses edges that reach too far.
             readings = {edge.base_m: edge for edge in straightedge_readings(x_m, z_m, level_beyond=True)}
             edge = readings[known(limit.base_m) or STRAIGHTEDGE_M]
             return float(EDGE_CRITERIA[limit.name](np.asarray(edge.peak_m), np.asarray(edge.dip_m)))
-        if limit.name == "quality_index":
-            slope = largest_gradient if isinstance(limit.base_m, UnsetType) else largest_inclination
-            return slope(x_m, z_m) / self._norm_rad
-        return {"straightedge": straightedge_gap, "step": largest_step, "inclination": largest_inclination}[limit.name](
-            x_m, z_m
-        )
+        if limit.name == "quality_index" and isinstance(limit.base_m, UnsetType):
+            return largest_gradient(x_m, z_m) / self._norm_rad
+        if limit.name in ("quality_index", "inclination"):
+            slopes = np.abs(inclinations(x_m, z_m)[1])
+            slopes = np.maximum.reduceat(slopes, np.arange(0, len(slopes), _PLACES_TOGETHER))
+            return slopes / self._norm_rad if limit.name == "quality_index" else slopes
+        return {"straightedge": straightedge_gap, "step": largest_step}[limit.name](x_m, z_m)
 
 
 def largest(excess: list[FloatArray]) -> FloatArray:

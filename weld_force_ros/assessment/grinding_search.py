@@ -54,16 +54,19 @@ class Grinder:
         stone_radius_m: hollows that it leaves are no sharper.
         reach_m: how far it may work on rail before and behind the measured range.
         most_m: depth that may be removed.
+        hand_margin_m: by which the depth may come out too large or too small; 0 for a machine that is steered. By hand
+            it is ground to what an electronic straightedge shows, which its maker states to 0.030 mm (RAILPROF).
     """
 
     band_limit_m: float = 0.10
     stone_radius_m: float = 0.15
     reach_m: float = 0.5
     most_m: float = 1e-3
+    hand_margin_m: float = 0.03e-3
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not np.isfinite(value) or value < 0 or (value == 0 and name != "reach_m"):
+            if not np.isfinite(value) or value < 0 or (value == 0 and name not in ("reach_m", "hand_margin_m")):
                 raise InputError(f"a grinder's {name} is {value:g}", "give a positive number of metres")
 
 

@@ -23,7 +23,7 @@ ROW_GROUP = 256
 """Rows that are read together: a batch's, so that nothing is read for nothing."""
 
 _TEXTS = (
-    *("weld_id", "source", "rail", "instrument", "profile_sha256", "source_sha256", "running"),
+    *("weld_id", "source", "rail", "instrument", "profile_sha256", "source_sha256", "running", "chainage_direction"),
     *("format", "kind", "operator", "measured_on"),
 )
 _NUMBERS = ("chainage_m", "line_speed_kmh", "weld_position_m")
@@ -46,6 +46,9 @@ SCHEMA = pa.schema(
                     "stated": pa.bool_(),
                     "resolution_m": pa.float64(),
                     "outliers_m": pa.list_(pa.float64()),
+                    "form_error": pa.struct(
+                        {"deviation_m": pa.float64(), "length_m": pa.float64(), "source": pa.string()}
+                    ),
                 }
             ),
         )

@@ -30,6 +30,10 @@ class GrinderOptions:
 
     band_limit_m: Annotated[float, typer.Option("--band-limit", help="Shortest wavelength that is ground, m.")] = 0.10
     stone_radius_m: Annotated[float, typer.Option("--stone-radius", help="Of the grinding stone, m.")] = 0.15
+    hand_margin_mm: Annotated[
+        float,
+        typer.Option(help="By how much the depth may come out too large or too small, mm; 0: ground by a machine."),
+    ] = 0.03
 
 
 @with_option_groups()
@@ -69,6 +73,13 @@ def grind(
         ],
         [_row(advice) for advice in found],
     )  # fmt: skip
+    spots = [row for advice in found for row in _spot_rows(advice)]
+    if spots:
+        terminal.table(
+            "Where to grind, mm from the weld's centre along x",
+            [("weld", ""), ("from", "right"), ("to", "right"), ("side", ""), ("deepest mm", "right"), ("at", "right")],
+            spots,
+        )
     if not all(advice.reached for advice in found):
         raise typer.Exit(1)
 
@@ -81,7 +92,12 @@ def _adviser(simulation: SimulationOptions, grinder: GrinderOptions, limits: str
 
     if not 0.01 <= grinder.band_limit_m <= 2.0:
         raise InputError(f"--band-limit {grinder.band_limit_m:g} cannot be ground", "give 0.01 to 2 m")
-    return Adviser(simulation.settings(), load_limits(limits), Grinder(**vars(grinder)), on_fit=terminal.say)
+    capabilities = Grinder(
+        band_limit_m=grinder.band_limit_m,
+        stone_radius_m=grinder.stone_radius_m,
+        hand_margin_m=grinder.hand_margin_mm / _MM,
+    )
+    return Adviser(simulation.settings(), load_limits(limits), capabilities, on_fit=terminal.say)
 
 
 def _row(advice: "GrindingAdvice") -> tuple[str, ...]:
@@ -96,3 +112,19 @@ def _row(advice: "GrindingAdvice") -> tuple[str, ...]:
         f"{advice.elapsed_s:.1f}",
         advice.reason,
     )
+
+
+def _spot_rows(advice: "GrindingAdvice") -> list[tuple[str, ...]]:
+    from weld_force_ros.assessment.grinding_spots import side_in_words
+
+    return [
+        (
+            advice.weld_id,
+            f"{spot.from_m * _MM:.0f}",
+            f"{spot.to_m * _MM:.0f}",
+            side_in_words(spot),
+            f"{spot.depth_m * _MM:.3f}",
+            f"{spot.deepest_m * _MM:.0f}",
+        )
+        for spot in advice.spots
+    ]

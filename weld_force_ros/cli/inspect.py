@@ -11,6 +11,7 @@ from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
     from weld_force_ros.measurement.profile_file import Understood
+    from weld_force_ros.messages import WeldProfile
 
 Files = Annotated[list[str], typer.Argument(help="Measurement files, or names of bundled profiles.")]
 
@@ -52,6 +53,7 @@ def as_json(understood: "Understood") -> dict[str, Any]:
         "spacing_m": round(understood.spacing_m, 9),
         "resolution_m": known(noise.resolution_m),
         "noise_m": noise.noise_m,
+        "form_error_m": None if (error := known(noise.form_error)) is None else error.deviation_m,
         "outliers": noise.outliers_m,
         "conditioning": profile.conditioning,
         "problems": [],  # of a file that can be used; why another cannot stands here
@@ -71,12 +73,23 @@ def _show(understood: "Understood") -> None:
         ("written in steps of", _micrometres(found["resolution_m"])),
         ("measurement noise", f"{_micrometres(found['noise_m'])}, standard deviation; taken out" if found["noise_m"]
          else "none: samples taken as they are"),
+        ("instrument's form error", _form_error(profile)),
         ("wrong samples", f"{len(found['outliers'])} set aside" if found["outliers"] else "none"),
         *(("done", step) for step in profile.conditioning),
     ]  # fmt: skip
     terminal.table(f"{profile.source}: {profile.weld_id}", [("", ""), ("understood", "")], rows)
     width = min(terminal.console.width, 100)
     terminal.say(profile_plot(profile, width=width, unicode=terminal.console.encoding.startswith("utf")))
+
+
+def _form_error(profile: "WeldProfile") -> str:
+    from weld_force_ros.messages import known
+
+    noise = known(profile.noise)
+    error = noise and known(noise.form_error)
+    if not error:
+        return "not stated: not counted" if noise and noise.noise_m else "none"
+    return f"{_micrometres(error.deviation_m)} over {error.length_m:g} m, counted in intervals; {error.source}"
 
 
 def _micrometres(metres: float | None) -> str:

@@ -9,14 +9,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from msgspec import UNSET
+from msgspec import UNSET, UnsetType
 
 from weld_force_ros._files import whole_file
 from weld_force_ros.errors import ProfileError, os_errors_as
 from weld_force_ros.measurement.profile_file import samples_csv
 from weld_force_ros.measurement.rail_stream import Window
 from weld_force_ros.measurement.weld_marks import WeldMark
-from weld_force_ros.messages import WeldMarker, WeldProfile, profile_sha256
+from weld_force_ros.messages import Running, WeldMarker, WeldProfile, profile_sha256
 
 _DECIMALS = 12  # of metres
 _LONGEST_NAME, _LONGEST_RAIL, _LONGEST_RAIL_IN_FILE_NAMES = 200, 100, 40
@@ -69,8 +69,8 @@ class CaptureFolder:
             found,
         )
 
-    def profile(self, mark: WeldMark, window: Window) -> WeldProfile:
-        """Return the profile of a marked weld."""
+    def profile(self, mark: WeldMark, window: Window, running: Running | UnsetType = UNSET) -> WeldProfile:
+        """Return the profile of a marked weld; x rises with chainage, so that trains run along it as along the rail."""
         x_m, z_m = ((np.round(values, _DECIMALS) + 0.0).tolist() for values in (window.x_m, window.z_m))
         return WeldProfile(
             weld_id=mark.weld_id,
@@ -80,6 +80,8 @@ class CaptureFolder:
             profile_sha256=profile_sha256(x_m, z_m),
             rail=self._rail or UNSET,
             chainage_m=round(mark.chainage_m, 6),
+            chainage_direction="with",
+            running=running,
             line_speed_kmh=mark.line_speed_kmh,
             weld_position_m=mark.weld_position_m,
             conditioning=[*window.conditioning, "weld found in the rail" if mark.found else "weld marked"],

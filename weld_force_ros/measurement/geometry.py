@@ -12,10 +12,11 @@ from msgspec import UNSET
 from weld_force_ros.errors import ProfileError
 from weld_force_ros.measurement import noise, plausibility
 from weld_force_ros.measurement.centre import chosen_centre, levelled
+from weld_force_ros.measurement.instruments import InstrumentError
 from weld_force_ros.measurement.numbers import in_metres, number
 from weld_force_ros.measurement.record import Record
 from weld_force_ros.measurement.statements import Stated, stated_number
-from weld_force_ros.messages import MeasurementNoise
+from weld_force_ros.messages import FormError, MeasurementNoise
 from weld_force_ros.physics.arrays import FloatArray
 
 _RESOLUTION_M = Decimal("1e-12")
@@ -82,19 +83,23 @@ def exact(mended: Record, header: Mapping[str, Stated]) -> Geometry:
     return Geometry([_rounded(v - centre) for v in x], [_rounded(v) for v in z], centre, done, _AS_THEY_ARE)
 
 
-def estimated(mended: Record, header: Mapping[str, Stated]) -> Geometry:
-    """Estimate the geometry from the samples: wrong ones set aside, noise taken out, levelled between the ends."""
+def estimated(mended: Record, header: Mapping[str, Stated], error: InstrumentError | None = None) -> Geometry:
+    """Estimate the geometry from the samples: wrong ones set aside, noise taken out, levelled between the ends.
+
+    Args:
+        mended: the record.
+        header: what is stated of it.
+        error: of the instrument's form, which stays in the geometry.
+
+    Raises:
+        ProfileError: the samples are not those of a rail.
+    """
     x = [sample.x for sample in mended.samples]
     units = {"x_unit": header["x_unit"].text, "z_unit": header["z_unit"].text}
     x_m, raw_m = np.array(x, dtype=np.float64), np.array([float(v) for v in _heights(mended, header)])
     origin_m = x_m[0]
     plausibility.check_measured(x_m, raw_m, **units)
-    stated = header.get("noise")
-    noise_m = None if stated is None or stated.text == "auto" else stated_number(stated, "noise")
-    if noise_m is not None and noise_m <= 0:
-        raise ProfileError(
-            f"{stated.where if stated else ''}noise {noise_m:g}", "state auto, none, or metres such as 5e-6"
-        )
+    noise_m = _stated_noise_m(header)
     done = [_converted(header)]
     if repeatability_m := _repeatability_m(mended, x_m - origin_m):
         passes = len(mended.samples[0].z)
@@ -125,6 +130,9 @@ def estimated(mended: Record, header: Mapping[str, Stated]) -> Geometry:
         stated=noise_m is not None,
         resolution_m=resolution_m or UNSET,
         outliers_m=about_centre(estimate.outliers_m + origin_m),
+        form_error=UNSET
+        if error is None
+        else FormError(deviation_m=error.deviation, length_m=error.length, source=error.source),
     )
     measured = {
         "measured_x_m": about_centre(x_m),
@@ -133,6 +141,17 @@ def estimated(mended: Record, header: Mapping[str, Stated]) -> Geometry:
     }
     z = [round(float(v), _ESTIMATE_DECIMALS) + 0.0 for v in z_m]
     return Geometry(about_centre(grid_m), z, centre, done, measured)
+
+
+def _stated_noise_m(header: Mapping[str, Stated]) -> float | None:
+    """Return the standard deviation of the noise as stated; None if it is to be estimated."""
+    stated = header.get("noise")
+    if stated is None or stated.text == "auto":
+        return None
+    noise_m = stated_number(stated, "noise")
+    if noise_m <= 0:
+        raise ProfileError(f"{stated.where}noise {noise_m:g}", "state auto, none, or metres such as 5e-6")
+    return noise_m
 
 
 def _centre(x: list[Decimal], header: Mapping[str, Stated], x_m: FloatArray, z_m: FloatArray) -> tuple[Decimal, str]:

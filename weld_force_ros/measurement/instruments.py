@@ -24,9 +24,18 @@ _HEAD_LINES = 40
 _PLAIN = "plain text"
 HeaderKey = Literal[
     "x_unit", "z_unit", "z_positive", "weld_id", "rail", "instrument", "operator", "measured_on", "chainage_m",
-    "line_speed_kmh", "weld_position_m", "running", "support", "kind", "detrend", "centre", "noise", "samples",
+    "line_speed_kmh", "weld_position_m", "running", "chainage_direction", "support", "kind", "detrend", "centre",
+    "noise", "samples",
 ]  # fmt: skip
 Column = str | Annotated[int, Meta(ge=1, le=64)]
+
+
+class InstrumentError(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """An instrument's own form error beside its noise: standard deviation, and length along the rail, in m."""
+
+    deviation: Annotated[float, Meta(gt=0, le=1e-3)]
+    length: Annotated[float, Meta(ge=0.05, le=10.0)]
+    source: str
 
 
 class InstrumentFormat(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -62,9 +71,11 @@ class InstrumentFormat(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
         weld_position_m: the weld's centre after the preceding sleeper, in m.
         running: how trains run: `with` if x rises in their direction, `against` if it falls, `both`.
         support: supports that differ from the track's, such as `0=0.02`: sleeper 0 is the last before the weld.
+        chainage_direction: `with` if chainage rises with x, `against` if it falls.
         detrend: `line` removes the line between the two ends, `none` nothing.
         centre: position of the weld's centre in `x_unit`.
         noise: `auto`, `none`, or the standard deviation of the measurement noise in m.
+        form_error: of the instrument; samples that are taken as they are have none.
     """
 
     name: str = _PLAIN
@@ -95,9 +106,11 @@ class InstrumentFormat(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     weld_position_m: float | None = None
     running: str | None = None
     support: str | None = None
+    chainage_direction: str | None = None
     detrend: str | None = None
     centre: float | None = None
     noise: str | float | None = None
+    form_error: InstrumentError | None = None
 
     def with_statements(self, stated: "InstrumentFormat | None") -> "InstrumentFormat":
         """Return this format with what a user states in place of what it says itself."""

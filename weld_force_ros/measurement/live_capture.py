@@ -19,6 +19,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+from msgspec import UNSET, UnsetType
 from numpy.typing import ArrayLike
 
 from weld_force_ros.errors import InputError, ProfileError
@@ -28,7 +29,7 @@ from weld_force_ros.measurement.shapes import STRAIGHTEDGE_LENGTH_M
 from weld_force_ros.measurement.trolley_position import TrolleyPosition
 from weld_force_ros.measurement.weld_detection import APART_M, SETTLED_M, detect
 from weld_force_ros.measurement.weld_marks import TIMEOUT_S, WeldMark, WeldMarks
-from weld_force_ros.messages import RailSurface, WeldMarker, profile_problem
+from weld_force_ros.messages import RailSurface, Running, WeldMarker, profile_problem
 
 GIVEN_UP_M = 10.0
 MOST_WAITING = 100
@@ -48,6 +49,8 @@ class LiveCapture:
         folder: where measurement files go.
         rail: its name, if known; part of file names and default weld names.
         detect: whether to look for welds that nobody marked.
+        running: how trains run where the stream does not say it: `with` (towards rising chainage), `against` or `both`;
+            unset if that is not known.
         marker_offset_m: from the measured place to the place that is marked as being here, towards higher chainages.
         mark_timeout_s: how long a marked weld may wait for its rail.
         reject: called once for each marked weld that cannot be captured, with the name of the file that does not come,
@@ -62,6 +65,7 @@ class LiveCapture:
         *,
         rail: str | None = None,
         detect: bool = False,
+        running: Running | UnsetType = UNSET,
         marker_offset_m: float = 0.0,
         mark_timeout_s: float = TIMEOUT_S,
         reject: Callable[[str, InputError, str], object],
@@ -69,6 +73,7 @@ class LiveCapture:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._detect = detect
+        self._running = running
         self._marker_offset_m = marker_offset_m
         self._mark_timeout_s = mark_timeout_s
         self._reject = reject
@@ -98,6 +103,8 @@ class LiveCapture:
 
     def push(self, surface: RailSurface) -> None:
         """Take a message of samples."""
+        if not isinstance(surface.running, UnsetType):
+            self._running = surface.running
         upwards = 1.0 if surface.height_positive == "up" else -1.0
         self.push_samples(
             _LENGTH_M[surface.chainage_unit] * np.asarray(surface.chainage),
@@ -214,7 +221,7 @@ class LiveCapture:
             self._announce_once(mark, f"{window.reason}; go over it again: it is refused at {GIVEN_UP_M:g} m from here")
 
     def _capture(self, mark: WeldMark, window: Window, overdue: bool = False) -> None:
-        profile = self._folder.profile(mark, window)
+        profile = self._folder.profile(mark, window, self._running)
         if problem := profile_problem(profile.x_m, profile.z_m):
             self._give_up(mark, problem)
             return

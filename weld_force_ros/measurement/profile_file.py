@@ -245,13 +245,13 @@ def _understood(
     record.without_nines(mended)
     measured = len(mended.samples)
     record.bridged(mended)
-    found = geometry.exact(mended, header) if exact else geometry.estimated(mended, header)
+    found = geometry.exact(mended, header) if exact else geometry.estimated(mended, header, form.form_error)
     done = [*notes, *table.notes, *mended.notes, *found.done]
     if form.skip_rows:
         done.insert(0, f"first {form.skip_rows} lines skipped")
     _check_bounds(found.x_m, found.z_m, mended, header)
     content: dict[str, Any] = {"weld_id": name}
-    content |= {key: header[key].text for key in (*statements.TEXTS, "kind", "running") if key in header}
+    content |= {key: header[key].text for key in (*statements.TEXTS, *statements.DIRECTIONS, "kind") if key in header}
     if "support" in header:
         content["support"] = _support(header["support"])
     if form.x_direction == "against":  # turned, so that x rises in the running direction
@@ -260,7 +260,9 @@ def _understood(
     content |= {"weld_id": table.weld} if table.weld else {}
     content |= {key: statements.stated_number(header[key], key) for key in statements.NUMBERS if key in header}
     if "chainage_m" not in content and abs(found.centre) > _CHAINAGE_FROM_M:
-        content["chainage_m"] = round(float(found.centre), 6)
+        turned = form.x_direction == "against"
+        content["chainage_m"] = round(float(-found.centre if turned else found.centre), 6)
+        content.setdefault("chainage_direction", "against" if turned else "with")
     content |= {"source": source[-200:], "x_m": found.x_m, "z_m": found.z_m, "conditioning": done[:50]}
     content |= {"profile_sha256": profile_sha256(found.x_m, found.z_m), "source_sha256": digest}
     content |= {"format": form.name[:200]} | found.measured
@@ -341,7 +343,7 @@ def samples_csv(profile: WeldProfile, *, noise: str) -> str:
     """
     present = {
         key: value
-        for key in (*statements.TEXTS, *statements.NUMBERS, "kind", "running")
+        for key in (*statements.TEXTS, *statements.NUMBERS, *statements.DIRECTIONS, "kind")
         if (value := getattr(profile, key)) is not UNSET
     }
     if not isinstance(profile.support, UnsetType):

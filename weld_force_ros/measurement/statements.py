@@ -18,10 +18,14 @@ REQUIRED = ("x_unit", "z_unit", "z_positive")
 TEXTS = ("weld_id", "rail", "instrument", "operator", "measured_on")
 NUMBERS = ("chainage_m", "line_speed_kmh", "weld_position_m")
 KINDS = ("weld", "joint", "squat")
+DIRECTIONS = ("running", "chainage_direction")
 RUNNING = ("with", "against", "both")
-KEYS = (*REQUIRED, *TEXTS, *NUMBERS, "running", "support", "kind", "detrend", "centre", "noise", "samples")
+KEYS = (*REQUIRED, *TEXTS, *NUMBERS, *DIRECTIONS, "support", "kind", "detrend", "centre", "noise", "samples")
 
-_CHOICES = {"z_positive": ("up", "down"), "detrend": ("line", "none"), "kind": (*KINDS, "wheel"), "running": RUNNING}
+_CHOICES = {
+    "z_positive": ("up", "down"), "detrend": ("line", "none"), "kind": (*KINDS, "wheel"), "running": RUNNING,
+    "chainage_direction": ("with", "against"),
+}  # fmt: skip
 _WORDS = {
     "weld_id": ("weld", "weld id", "weld no", "weld number", "weld name", "joint", "joint id", "schweissung",
                 "schweissung nr", "schweissstoss", "schweissstoss nr", "las", "lasnummer"),

@@ -10,6 +10,7 @@ from weld_force_ros.messages.fields import (
     MAX_SPEEDS,
     MAX_TEXT,
     Cells,
+    ChainageDirection,
     CurveClass,
     Decision,
     Direction,
@@ -327,6 +328,24 @@ class Verdict(Message, kw_only=True):
     hanging: Annotated[list[HangingOutcome], Meta(max_length=10)] = []
 
 
+RailSide: TypeAlias = Literal["rising chainage", "falling chainage", "both"]
+
+
+class GrindingSpot(msgspec.Struct, kw_only=True, frozen=True):
+    """A stretch of rail that is ground, in one piece; places are from the weld's centre.
+
+    Attributes:
+        deepest_m: where most is removed.
+        side: of the weld's centre that it lies on; absent where nobody stated which way chainage goes.
+    """
+
+    from_m: Metres
+    to_m: Metres
+    depth_m: Annotated[float, Meta(description="m, most that is removed", ge=0.0)]
+    deepest_m: Metres
+    side: Annotated[RailSide, Meta(extra_json_schema={"type": "string"})] | UnsetType = UNSET
+
+
 class GrindingAdvice(Message, kw_only=True):
     """The least removal of metal that brings a weld within its limits; `x_m` is 0 at the weld's centre.
 
@@ -337,6 +356,10 @@ class GrindingAdvice(Message, kw_only=True):
         stone_radius_m: hollows are no sharper than that.
         removed_m2: area between both profiles.
         reference_checked: passages simulated again by the `reference` engine, and how many of them are within limits.
+        spots: where to grind, in the order of x.
+        hand_margin_m: the limits are kept though the depth come out that much too large or too small.
+        peak_by_hand_n: the largest peak force if it does.
+        gradient_norm_rad: largest inclination that the norm allows on the line: a quality index of 1.
     """
 
     weld_id: Name
@@ -364,6 +387,11 @@ class GrindingAdvice(Message, kw_only=True):
     reference_within: Annotated[int, Meta(ge=0)] = 0
     reference_peak_n: ForceN | UnsetType = UNSET
     elapsed_s: Seconds
+    spots: Annotated[list[GrindingSpot], Meta(max_length=1000)] = []
+    hand_margin_m: Annotated[float, Meta(description="m", ge=0.0)] = 0.0
+    peak_by_hand_n: ForceN | UnsetType = UNSET
+    chainage_direction: ChainageDirection | UnsetType = UNSET
+    gradient_norm_rad: Annotated[float, Meta(description="rad", gt=0.0)] | UnsetType = UNSET
 
     def problem(self) -> str | None:
         """Return which columns differ in length; else None."""

@@ -65,6 +65,10 @@ Direction = Annotated[
     Literal["with", "against"],
     Meta(extra_json_schema={"type": "string"}, description="of a passage: with, the one in which x rises; or against"),
 ]
+ChainageDirection = Annotated[
+    Literal["with", "against"],
+    Meta(extra_json_schema={"type": "string"}, description="with: chainage rises with x; against: it falls as x rises"),
+]
 LengthUnit = Annotated[Literal["m", "cm", "mm", "um"], Meta(extra_json_schema={"type": "string"})]
 UpOrDown = Annotated[Literal["up", "down"], Meta(extra_json_schema={"type": "string"})]
 ProfileId = Annotated[

@@ -14,6 +14,7 @@ from weld_force_ros.messages.fields import (
     Number,
     ProfileId,
     ProfileIds,
+    Running,
     Sha256,
     SpeedKmh,
     Text,
@@ -35,13 +36,18 @@ class Rejection(Message, kw_only=True):
 
 
 class RailSurface(Message, kw_only=True):
-    """A batch of running-surface samples in the order measured; batches may overlap, and the trolley may reverse."""
+    """A batch of running-surface samples in the order measured; batches may overlap, and the trolley may reverse.
+
+    `running` says how trains run over this rail, whichever way it is measured: with, the way in which chainage rises.
+    Where a batch does not say it, what the last one said that did holds.
+    """
 
     chainage: Batch
     height: Batch
     chainage_unit: LengthUnit
     height_unit: LengthUnit
     height_positive: UpOrDown
+    running: Running | UnsetType = UNSET
 
     def problem(self) -> str | None:
         """Return that chainages and heights differ in number; else None."""

@@ -15,6 +15,7 @@ from weld_force_ros.messages.fields import (
     MAX_PROFILE_SPACING_M,
     MAX_SAMPLES,
     MIN_PROFILE_SAMPLES,
+    ChainageDirection,
     GeometryKind,
     IrregularityKind,
     Message,
@@ -31,6 +32,20 @@ from weld_force_ros.messages.fields import (
 from weld_force_ros.messages.support import SupportState
 
 
+class FormError(msgspec.Struct, kw_only=True, frozen=True):
+    """An instrument's own form error, the same in every measurement: its bend and its calibration.
+
+    Attributes:
+        deviation_m: standard deviation of the heights.
+        length_m: along the rail, over which the error's correlation falls to 1/e.
+        source: of the numbers.
+    """
+
+    deviation_m: Annotated[float, Meta(description="m, standard deviation", gt=0.0)]
+    length_m: Annotated[float, Meta(description="m", gt=0.0)]
+    source: Text = ""
+
+
 class MeasurementNoise(msgspec.Struct, kw_only=True, frozen=True):
     """What is known of the noise in measured heights, and how the geometry was estimated from them.
 
@@ -42,6 +57,7 @@ class MeasurementNoise(msgspec.Struct, kw_only=True, frozen=True):
         stated: whether the noise was known, not estimated.
         resolution_m: the step in which heights were written; absent if there is none.
         outliers_m: positions of the samples that were set aside as wrong.
+        form_error: of the instrument, which no estimate takes out; it counts beside the noise.
     """
 
     method: Name
@@ -49,14 +65,16 @@ class MeasurementNoise(msgspec.Struct, kw_only=True, frozen=True):
     stated: bool = False
     resolution_m: Annotated[float, Meta(description="m", gt=0.0)] | UnsetType = UNSET
     outliers_m: Annotated[list[float], Meta(max_length=MAX_SAMPLES)] = []
+    form_error: FormError | UnsetType = UNSET
 
 
 class WeldProfile(Message, kw_only=True):
     """A measured weld: the rail's geometry, conditioned, about the weld's centre.
 
     `x_m` has 0 at the weld's centre and increases strictly; `z_m` is positive up. In which direction trains run along
-    it, `running` says, where the file or the stream states it. Where the geometry was estimated from noisy samples,
-    these stand beside it: `measured_x_m`, `measured_z_m`, levelled and centred like the estimate, and `noise`.
+    it, `running` says, where the file or the stream states it, and which way chainage goes, `chainage_direction`. Where
+    the geometry was estimated from noisy samples, these stand beside it: `measured_x_m`, `measured_z_m`, levelled and
+    centred like the estimate, and `noise`.
     """
 
     weld_id: Name
@@ -82,6 +100,7 @@ class WeldProfile(Message, kw_only=True):
     operator: Name | UnsetType = UNSET
     running: Running | UnsetType = UNSET
     support: Annotated[list[SupportState], Meta(max_length=18)] | UnsetType = UNSET
+    chainage_direction: ChainageDirection | UnsetType = UNSET
     measured_on: Annotated[Name, Meta(description="date as the file states it")] | UnsetType = UNSET
     file_version_of: (
         Annotated[

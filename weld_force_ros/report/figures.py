@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from weld_force_ros.assessment.grinding_spots import ends_in_words
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import ForceHistory, ForceMap, GrindingAdvice, WeldProfile, known
+from weld_force_ros.physics.analysis.geometry import inclinations
 from weld_force_ros.simulation.force_map_view import worse_passages
 
 if TYPE_CHECKING:
@@ -82,31 +84,68 @@ def one_weld(profile: WeldProfile, force_map: ForceMap, history: ForceHistory) -
 
 
 def grinding(advice: GrindingAdvice) -> "Figure":
-    """Draw the metal removed from a weld, and the worst force over speed before and after."""
-    figure = new_figure(11, 4.2)
-    left, right = figure.subplots(1, 2)
-    x_cm, before_um = np.array(advice.x_m) * 100, np.array(advice.z_m) * 1e6
-    after_um = before_um - np.array(advice.removal_m) * 1e6
-    left.axhline(0, color=GREY, linewidth=0.6)
-    left.plot(x_cm, before_um, color=BLUE, label="before")
-    left.plot(x_cm, after_um, color=GREEN, linestyle="--", label="after")
-    left.fill_between(x_cm, after_um, before_um, color=ORANGE, alpha=0.5, label="removed")
-    left.set(xlabel="distance from the weld's centre, cm", ylabel="height, µm")
-    for peaks_n, colour, style, name in (
-        (advice.peak_before_n, BLUE, "-", "before"),
-        (advice.peak_after_n, GREEN, "--", "after"),
-    ):
-        right.plot(advice.speeds_kmh, np.array(peaks_n) / 1e3, color=colour, linestyle=style, label=name)
-    for criterion in advice.before:
-        if criterion.name == "peak_force":
-            unverified = "" if criterion.verified else " (unverified)"
-            right.axhline(criterion.limit / 1e3, color=RED, linestyle=":", label=f"limit{unverified}")
-    right.set(xlabel="speed, km/h", ylabel="peak force at the worst position, kN")
-    for axes in (left, right):
+    """Draw where metal comes off a weld, its quality index along the rail and the worst force, before and after."""
+    figure = new_figure(11, 6.4)
+    grid = figure.add_gridspec(2, 2, width_ratios=[1.25, 1], height_ratios=[1.7, 1])
+    rail, index, force = (figure.add_subplot(cell) for cell in (grid[0, 0], grid[1, 0], grid[:, 1]))
+    _draw_spots(rail, advice)
+    _draw_quality_index(index, advice)
+    _draw_forces(force, advice)
+    index.sharex(rail)
+    for axes in (rail, index, force):
         axes.legend(fontsize=8)
     found = f"at most {advice.most_removed_m * 1e3:.2f} mm removed" if advice.reached else "no grinding helps"
     figure.suptitle(as_text(f"{advice.weld_id}: {found}"), fontweight="bold")
     return figure
+
+
+def _draw_spots(axes: "Axes", advice: GrindingAdvice) -> None:
+    x_mm, before_um = np.array(advice.x_m) * 1e3, np.array(advice.z_m) * 1e6
+    after_um = before_um - np.array(advice.removal_m) * 1e6
+    axes.axhline(0, color=GREY, linewidth=0.6)
+    axes.plot(x_mm, before_um, color=BLUE, label="before")
+    axes.plot(x_mm, after_um, color=GREEN, linestyle="--", label="after")
+    axes.fill_between(x_mm, after_um, before_um, color=ORANGE, alpha=0.5, label="removed")
+    for spot in advice.spots:
+        axes.axvspan(spot.from_m * 1e3, spot.to_m * 1e3, color=ORANGE, alpha=0.12, linewidth=0)
+        axes.annotate(
+            f"{spot.depth_m * 1e3:.2f} mm", (spot.deepest_m * 1e3, np.interp(spot.deepest_m * 1e3, x_mm, before_um)),
+            xytext=(0, 5), textcoords="offset points", ha="center", fontsize=9,
+        )  # fmt: skip
+    falling, rising = ends_in_words(advice.chainage_direction)
+    for place, side, words in ((0.0, "left", f"← {falling}"), (1.0, "right", f"{rising} →")):
+        axes.annotate(
+            words, (place, 1.0), xytext=(0, 4), xycoords="axes fraction", textcoords="offset points", ha=side,
+            fontsize=9, color=GREY,
+        )  # fmt: skip
+    axes.margins(y=0.12)
+    axes.set(ylabel="height, µm")
+
+
+def _draw_quality_index(axes: "Axes", advice: GrindingAdvice) -> None:
+    before, norm = np.array(advice.z_m), known(advice.gradient_norm_rad)
+    for heights, colour, style, name in (
+        (before, BLUE, "-", "before"),
+        (before - np.array(advice.removal_m), GREEN, "--", "after"),
+    ):
+        x_m, slope = inclinations(advice.x_m, heights)
+        axes.plot(x_m * 1e3, np.abs(slope) / (norm or 1e-3), color=colour, linestyle=style, label=name)
+    axes.set(xlabel="distance from the weld's centre, mm", ylabel="quality index" if norm else "inclination, mrad")
+    if norm:
+        axes.axhline(1.0, color=RED, linestyle=":", label=f"norm, {norm * 1e3:.2f} mrad")
+
+
+def _draw_forces(axes: "Axes", advice: GrindingAdvice) -> None:
+    for peaks_n, colour, style, name in (
+        (advice.peak_before_n, BLUE, "-", "before"),
+        (advice.peak_after_n, GREEN, "--", "after"),
+    ):
+        axes.plot(advice.speeds_kmh, np.array(peaks_n) / 1e3, color=colour, linestyle=style, label=name)
+    for criterion in advice.before:
+        if criterion.name == "peak_force":
+            unverified = "" if criterion.verified else " (unverified)"
+            axes.axhline(criterion.limit / 1e3, color=RED, linestyle=":", label=f"limit{unverified}")
+    axes.set(xlabel="speed, km/h", ylabel="peak force at the worst position, kN")
 
 
 def _draw_profile(axes: "Axes", profile: WeldProfile) -> None:

@@ -9,7 +9,8 @@ import numpy as np
 from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
 
-from weld_force_ros.assessment.criteria import FORCE_CRITERIA, sentence_in_words
+from weld_force_ros.assessment.criteria import FORCE_CRITERIA, gradient_norm_rad, sentence_in_words
+from weld_force_ros.assessment.grinding_spots import ends_in_words, side_in_words
 from weld_force_ros.assessment.hanging import support_sentences
 from weld_force_ros.assessment.judge import told_apart
 from weld_force_ros.assessment.limits import decides, levels, ratio, within_limits
@@ -29,6 +30,7 @@ from weld_force_ros.messages import (
     WeldProfile,
     known,
 )
+from weld_force_ros.physics.analysis.geometry import inclinations
 from weld_force_ros.physics.analysis.speed_curve import surface_features
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.wheel_path import wheel_path_over
@@ -47,6 +49,7 @@ from weld_force_ros.simulation.running import direction_in_words
 
 MOST_POINTS = 400
 _LONGEST_RAW_TEXT = 4_000
+_INDICES_TOGETHER = 10  # of every 0.5 mm
 _NINETY_PERCENT = 1.645  # standard deviations on either side
 _HEADER = ("schema_version", "publisher", "sequence", "stamp")
 
@@ -78,7 +81,7 @@ def _weld(weld: WeldRecord) -> dict[str, Any]:
         "map": weld.force_map and _map(weld.force_map, share),
         "curves": weld.force_map and _curves(weld.force_map, weld.verdict, weld.limits, share),
         "history": weld.history and _history(weld.history),
-        "profile": weld.profile and _profile(weld.profile, weld.settings),
+        "profile": weld.profile and _profile(weld.profile, weld.settings) | _quality_index(weld.profile, weld),
         "grinding": weld.grinding and _grinding(weld.grinding),
         "support": weld.force_map and support_sentences(weld.verdict, weld.force_map.support),
         "provenance": _provenance(weld),
@@ -246,6 +249,23 @@ def _profile(profile: WeldProfile, settings: SimulationSettings | None) -> dict[
     return content
 
 
+def _quality_index(profile: WeldProfile, weld: WeldRecord) -> dict[str, Any]:
+    """Return the quality index along the weld, the largest within 5 mm each, and its norm on the line."""
+    line_kmh = known(profile.line_speed_kmh) or (weld.force_map and relevant_range(weld.force_map).line_kmh)
+    if not line_kmh:
+        return {}
+    norm = gradient_norm_rad(line_kmh, weld.limits.gradient_norm if weld.limits else [])
+    x_m, slope = inclinations(profile.x_m, profile.z_m)
+    index = np.maximum.reduceat(np.abs(slope) / norm, np.arange(0, len(x_m), _INDICES_TOGETHER))
+    return {
+        "index": decimals(index, 3),
+        "index_from_m": round(float(x_m[:_INDICES_TOGETHER].mean()), 5),
+        "index_step_m": round(float(x_m[_INDICES_TOGETHER] - x_m[0]), 5),
+        "norm_rad": significant(norm),
+        "norm_kmh": line_kmh,
+    }
+
+
 def _measured(profile: WeldProfile) -> dict[str, Any]:
     """Return the samples as measured, those set aside apart."""
     x, z = np.array(known(profile.measured_x_m)), np.array(known(profile.measured_z_m))
@@ -266,15 +286,16 @@ def _measured(profile: WeldProfile) -> dict[str, Any]:
 def _grinding(advice: GrindingAdvice) -> dict[str, Any]:
     x, ground = np.array(advice.x_m), np.array(advice.z_m) - np.array(advice.removal_m)
     drawn = thinned(ground, MOST_POINTS)
-    removed = np.flatnonzero(np.array(advice.removal_m) > 0.02 * advice.most_removed_m)
     content = {
         "reached": advice.reached,
         "reason": advice.reason,
         "x_m": decimals(x[drawn], 5),
         "ground_m": decimals(ground[drawn], 7),
         "most_removed_m": significant(advice.most_removed_m),
-        "from_m": significant(x[removed[0]], 3) if len(removed) else None,
-        "to_m": significant(x[removed[-1]], 3) if len(removed) else None,
+        "spots": [{**short(msgspec.to_builtins(spot)), "side": side_in_words(spot)} for spot in advice.spots],
+        "ends": ends_in_words(advice.chainage_direction),
+        "hand_margin_m": significant(advice.hand_margin_m) or None,
+        "peak_by_hand_n": known(advice.peak_by_hand_n),
         "band_limit_m": significant(advice.band_limit_m),
         "stone_radius_m": significant(advice.stone_radius_m),
         "decision_before": advice.decision_before,

@@ -66,6 +66,11 @@ PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
         NodeParameter("line_speed_kmh", 0.0, "line speed of files that do not state it; 0: unknown", 0.0, 600.0),
         NodeParameter("skip_rows", 0, "lines to skip at the top of each file", 0, 100_000),
         NodeParameter("rail", "", "name of the rail that a live trolley measures, such as left"),
+        NodeParameter(
+            "running",
+            "",
+            "how trains run where a live stream does not say it: with (rising chainage), against, both; empty: unknown",
+        ),
         NodeParameter("detect_welds", False, "look for welds in the live rail surface, beside those that are marked"),
         NodeParameter(
             "marker_offset_m",

@@ -1,13 +1,19 @@
-"""Draw the geometries that a weld's measurement allows: the posterior of the estimate that a profile carries."""
+"""Draw the geometries that a weld's measurement allows: the posterior of the estimate that a profile carries.
+
+The instrument's own form error, which no estimate takes out, is drawn beside it: a Gaussian process along the rail.
+"""
 
 import numpy as np
 from msgspec import UnsetType
+from scipy.interpolate import CubicSpline
 
-from weld_force_ros.messages import WeldProfile, known
+from weld_force_ros.messages import FormError, WeldProfile, known
 from weld_force_ros.physics.analysis import adaptive_spline
 from weld_force_ros.physics.arrays import FloatArray
 
 _DRAWN = 32  # for a standard deviation
+_KNOTS_PER_LENGTH = 5  # of a form error, with a cubic between them
+_FORM_STREAM = 1  # of the seed: the noise's own draws stay what they are
 
 
 def sampled_geometries(profile: WeldProfile, samples: int, seed: int) -> FloatArray | None:
@@ -23,14 +29,30 @@ def sampled_geometries(profile: WeldProfile, samples: int, seed: int) -> FloatAr
     if isinstance(profile.noise, UnsetType):
         return None
     x_m, z_m = np.array(profile.x_m), np.array(profile.z_m)
-    posterior = _posterior(profile, samples, seed)
-    if posterior is None:
+    posterior, error = _posterior(profile, samples, seed), known(profile.noise.form_error)
+    if posterior is None and error is None:
         return np.tile(z_m, (samples, 1))
-    drawn = np.array([np.interp(x_m, posterior.x_m, one) for one in posterior.samples_m])
+    if posterior is None:
+        drawn = np.tile(z_m, (samples, 1))
+    else:
+        drawn = np.array([np.interp(x_m, posterior.x_m, one) for one in posterior.samples_m])
+    if error is not None:
+        drawn = drawn + _form_errors(x_m, error, samples, seed)
     ends = drawn[:, [0, -1]]
     share = (x_m - x_m[0]) / (x_m[-1] - x_m[0])
     offset = np.array([[z_m[0], z_m[-1]]]) - ends
     return np.asarray(drawn + offset[:, :1] * (1 - share) + offset[:, 1:] * share)
+
+
+def _form_errors(x_m: FloatArray, error: FormError, samples: int, seed: int) -> FloatArray:
+    """Return form errors, (samples, n): correlated by exp(-(d/length)^2) over a distance d along the rail."""
+    count = int(np.ceil((x_m[-1] - x_m[0]) / error.length_m * _KNOTS_PER_LENGTH)) + 4
+    knots = np.linspace(x_m[0], x_m[-1], count)
+    correlation = np.exp(-(((knots[:, None] - knots) / error.length_m) ** 2))
+    values, vectors = np.linalg.eigh(correlation)
+    white = np.random.default_rng([seed, _FORM_STREAM]).standard_normal((samples, count))
+    at_knots = error.deviation_m * (white * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    return np.asarray(CubicSpline(knots, at_knots, axis=1)(x_m))
 
 
 def standard_deviation(profile: WeldProfile) -> FloatArray | None:

@@ -12,6 +12,7 @@ import pytest
 import rclpy
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import UNSET
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
@@ -23,12 +24,13 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from tests.harness.ros import DEADLINE_S, Outcomes, Probe, wait_until
-from weld_force_ros.errors import MessageError
+from weld_force_ros.errors import InputError, MessageError
 from weld_force_ros.measurement.profile_file import read_profile
 from weld_force_ros.messages import MAX_SAMPLES, RailSurface, Rejection, WeldMarker, decode, encode
 from weld_force_ros.ros import point_cloud, qos
 from weld_force_ros.ros.contract_topics import ContractTopics
 from weld_force_ros.ros.lifecycle import LifecycleNodeBase
+from weld_force_ros.ros.nodes import trolley_input
 from weld_force_ros.ros.nodes.trolley_input import TrolleyInput
 from weld_force_ros.ros.nodes.trolley_node import TrolleyNode
 
@@ -403,3 +405,25 @@ def test_chainages_that_float32_cannot_tell_apart_are_complained_of() -> None:
     x, _ = point_cloud.samples_of(cloud)
     assert point_cloud.coarseness_m(cloud, x) == 2.0**-10  # 24 bits of a number between 2^13 and 2^14
     assert point_cloud.coarseness_m(point_cloud.cloud_of(x, x), x) == 0.0
+
+
+@pytest.mark.parametrize(("text", "read"), [("", UNSET), ("with", "with"), ("both", "both")])
+def test_how_trains_run_is_read_from_the_parameter(text: str, read: object) -> None:
+    assert trolley_input._running(text) == read
+
+
+def test_a_direction_of_trains_that_is_none_is_refused_in_one_line() -> None:
+    with pytest.raises(InputError, match=r"^running 'uphill' is unknown; use with, against or both"):
+        trolley_input._running("uphill")
+
+
+def test_what_the_stream_says_of_trains_stands_in_the_capture(spinning: Callable[..., Any], folder: Path) -> None:
+    listening = spinning(Listening, folder=str(folder), running="both")
+    x = np.round(np.arange(0.0, 2.0, 1e-3), 6)
+    form = {"chainage_unit": "m", "height_unit": "um", "height_positive": "up"}
+    batch = RailSurface(chainage=x.tolist(), height=(np.sin(x * 30) * 50).tolist(), running="against", **form)
+    listening.trolley._live.mark(WeldMarker(chainage_m=1.0))
+    listening.trolley._live.push(decode(RailSurface, encode(batch)))
+    listening.trolley._live.finish()
+    (file,) = files(folder)
+    assert read_profile(file).running == "against"

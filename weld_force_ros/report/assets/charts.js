@@ -3,13 +3,14 @@
 
 const COLOURS = {ink: "#16191d", soft: "#4d555e", blue: "#0072b2", orange: "#b36b00", red: "#b3261e", green: "#00694d"};
 
+const AXIS = {fixedrange: true, zeroline: false, gridcolor: "#e3e6ea", linecolor: "#7a828b", ticks: "outside", ticklen: 4,
+  automargin: true};
+
 /**
  * @param {{title: string, [setting: string]: unknown}} x
  * @param {{title: string, [setting: string]: unknown}} y
  */
 function layout(x, y, more = {}) {
-  const axis = {fixedrange: true, zeroline: false, gridcolor: "#e3e6ea", linecolor: "#7a828b", ticks: "outside", ticklen: 4,
-    automargin: true};
   return {
     margin: {l: 52, r: 14, t: 10, b: 42},
     font: {family: "system-ui, DejaVu Sans, sans-serif", size: 12, color: COLOURS.ink},
@@ -20,8 +21,8 @@ function layout(x, y, more = {}) {
     showlegend: true,
     legend: {orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: {size: 11}, itemclick: false, itemdoubleclick: false},
     ...more,
-    xaxis: {...axis, ...x, title: {text: x.title, standoff: 8}},
-    yaxis: {...axis, ...y, title: {text: y.title, standoff: 6}},
+    xaxis: {...AXIS, ...x, title: {text: x.title, standoff: 8}},
+    yaxis: {...AXIS, ...y, title: {text: y.title, standoff: 6}},
   };
 }
 
@@ -92,7 +93,31 @@ function drawGeometry(holder, profile, grinding, still) {
   if (grinding?.ground_m && grinding.most_removed_m > 0) {
     traces.push(trace(grinding.x_m, grinding.ground_m, "rail after grinding", {color: COLOURS.green, width: 2, dash: "dot"}));
   }
-  return draw(holder, traces, layout({title: "distance from the weld's centre, mm"}, {title: "height, µm"}), still);
+  const {shapes, annotations} = grinding?.spots.length ? spotMarks(grinding) : {shapes: [], annotations: []};
+  const x = {title: "distance from the weld's centre, mm"};
+  const {index, index_from_m: from = 0, index_step_m: step = 0} = profile;
+  if (!index || profile.norm_rad === undefined) {
+    return draw(holder, traces, layout(x, {title: "height, µm"}, {shapes, annotations}), still);
+  }
+  traces.push({x: index.map((_, i) => (from + i * step) * 1e3), y: index, yaxis: "y2", mode: "lines", name: "quality index", showlegend: false,
+    line: {color: COLOURS.blue, width: 1.5}, hovertemplate: "%{x:.0f} mm: quality index %{y:.2f}<extra></extra>"});
+  const norm = `quality index 1: ${number(profile.norm_rad * 1e3)} mrad${profile.norm_kmh === undefined ? "" : ` at ${kmh(profile.norm_kmh)}`}`;
+  const yaxis2 = {...AXIS, domain: [0.72, 1], rangemode: "tozero", range: [0, 1.15 * Math.max(1.3, ...index)], anchor: "x", title: {text: "QI", standoff: 6}};
+  const more = {yaxis2, shapes: [...shapes, {type: "line", xref: "paper", yref: "y2", x0: 0, x1: 1, y0: 1, y1: 1, line: {color: COLOURS.red, width: 1.5, dash: "dash"}}],
+    annotations: [...annotations, {xref: "paper", yref: "y2", x: 1, y: 1, xanchor: "right", yanchor: "bottom", text: norm, showarrow: false, font: {size: 11, color: COLOURS.red}}]};
+  return draw(holder, traces, layout(x, {title: "height, µm", domain: [0, 0.64]}, more), still);
+}
+
+/**
+ * The spots that are ground as bands with their depth, and the names of the sides.
+ * @param {Grinding} grinding
+ */
+function spotMarks({spots, ends: [falling, rising]}) {
+  const shapes = spots.map(({from_m: from, to_m: to}) => ({type: "rect", xref: "x", yref: "paper", x0: from * 1e3, x1: to * 1e3, y0: 0, y1: 1,
+    fillcolor: "rgba(230, 159, 0, .16)", line: {width: 0}, layer: "below"}));
+  const depths = spots.map(({deepest_m: at, depth_m: depth}) => label(at * 1e3, `grind ${hundredths(depth)}`, {yref: "y domain", yanchor: "bottom", bgcolor: "rgba(255,255,255,0)"}));
+  const side = {xref: "paper", y: 0.06, yanchor: "bottom", font: {size: 10}};
+  return {shapes, annotations: [...depths, label(0, `← ${falling}`, {...side, xanchor: "left"}), label(1, `${rising} →`, {...side, xanchor: "right"})]};
 }
 
 // --- force map --------------------------------------------------------------------------------------------------------

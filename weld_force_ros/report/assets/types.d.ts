@@ -198,6 +198,13 @@ interface Profile {
   wrong_z_m?: number[];
   wheel_x_m?: number[];
   wheel_m?: number[];
+  /** The quality index along the weld: inclination over 25 mm over the norm. */
+  index?: number[];
+  index_from_m?: number;
+  index_step_m?: number;
+  norm_rad?: number;
+  /** The line's speed, or the highest that was computed, that the norm is of. */
+  norm_kmh?: number;
 }
 
 interface Grinding {
@@ -206,8 +213,12 @@ interface Grinding {
   x_m: number[];
   ground_m: number[];
   most_removed_m: number;
-  from_m?: number;
-  to_m?: number;
+  /** In the order of x, from the weld's centre. */
+  spots: {from_m: number; to_m: number; depth_m: number; deepest_m: number; side: string}[];
+  /** What lies beyond the ends, that of falling and that of rising x. */
+  ends: [falling: string, rising: string];
+  hand_margin_m?: number;
+  peak_by_hand_n?: number;
   band_limit_m: number;
   stone_radius_m: number;
   decision_before: string;

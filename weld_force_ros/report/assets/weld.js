@@ -381,7 +381,8 @@ function restrictionTable({restrictions}, {error_share: share = 0, static_n: atR
  */
 function geometryPart(profile, grinding, still, later) {
   const noise = profile.noise_m === undefined ? "" : ` Measurement noise of ${number(profile.noise_m * 1e6, 2)} µm is taken out.`;
-  const holder = chart(`Height of the rail over the weld, and the wheel centre's path.${noise}`, "low");
+  const worst = profile.index?.length ? ` Its quality index along the rail, ${number(Math.max(...profile.index))} at most, above it.` : "";
+  const holder = chart(`Height of the rail over the weld, and the wheel centre's path.${worst}${noise}`, worst ? "" : "low");
   later(() => drawGeometry(holder, profile, grinding, still));
   return card("Geometry", holder);
 }
@@ -515,11 +516,14 @@ function chanceOf(c) {
 /** @param {Grinding} g */
 function grindingPart(g) {
   const changed = g.after.map((c) => [criterionName(c.name, c.base_m), quantity(c.value, unitOf(c)), c.passed ? "✓ within" : "✕ over limit"]);
+  const found = g.reached ? `Remove at most ${hundredths(g.most_removed_m)}.` : "No removal of metal was found that brings this weld within its limits by hand.";
+  const spots = [["Grind, mm from the weld's centre", "side", "at most"], ...g.spots.map((s) => [`${number(s.from_m * 1e3, 3)} to ${number(s.to_m * 1e3, 3)}`, s.side, `${hundredths(s.depth_m)}, at ${number(s.deepest_m * 1e3, 3)} mm`])];
   return card("Grinding",
-    element("p", {}, element("strong", {}, g.reached ? `Remove at most ${hundredths(g.most_removed_m)}${g.from_m === undefined || g.to_m === undefined ? "" : `, from ${number(g.from_m * 1e3)} to ${number(g.to_m * 1e3)} mm from the weld's centre`}.` : "No removal of metal was found that brings this weld within its limits."), ` ${sentence(g.reason)}`),
+    element("p", {}, element("strong", {}, found), ` ${sentence(g.reason)}`),
+    g.spots.length ? element("div", {class: "changes"}, ...spots.flat().map((text) => element("span", {}, text))) : null,
     element("p", {}, "Before ", badge(g.decision_before), " after ", badge(g.decision_after)),
     changed.length ? element("div", {class: "changes"}, ...changed.flat().map((text) => element("span", {}, text))) : null,
-    element("p", {class: "hint"}, `Waves longer than ${quantity(g.band_limit_m, "m")}, hollows no sharper than a stone of radius ${number(g.stone_radius_m)} m. ` +
+    element("p", {class: "hint"}, `${g.hand_margin_m === undefined ? "" : `Within limits though the depth come out ${hundredths(g.hand_margin_m)} too large or too small${g.peak_by_hand_n === undefined ? "" : ` (peak up to ${kilonewtons(g.peak_by_hand_n)})`}. `}Waves longer than ${quantity(g.band_limit_m, "m")}, hollows no sharper than a stone of radius ${number(g.stone_radius_m)} m. ` +
       (g.reference_checked ? `Simulated again by the reference engine: ${g.reference_within} of ${g.reference_checked} passages within limits${g.reference_peak_n === undefined ? "" : `, peak ${kilonewtons(g.reference_peak_n)}`}.` : "Not simulated again by the reference engine.")));
 }
 

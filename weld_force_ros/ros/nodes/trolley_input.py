@@ -8,6 +8,7 @@ from types import TracebackType
 from typing import Any, Self
 
 import msgspec
+from msgspec import UNSET, UnsetType
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -20,7 +21,7 @@ from std_srvs.srv import Trigger
 from weld_force_ros.errors import InputError, MessageError
 from weld_force_ros.measurement.live_capture import LiveCapture
 from weld_force_ros.measurement.rail_stream import STEP_M
-from weld_force_ros.messages import MAX_MESSAGE_BYTES, TOPICS, Message, RailSurface, WeldMarker
+from weld_force_ros.messages import MAX_MESSAGE_BYTES, TOPICS, Message, RailSurface, Running, WeldMarker
 from weld_force_ros.ros import point_cloud, qos
 from weld_force_ros.ros.contract_topics import ContractTopics
 from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
@@ -59,6 +60,7 @@ class TrolleyInput:
             folder,
             rail=values["rail"] or None,
             detect=values["detect_welds"],
+            running=_running(values["running"]),
             marker_offset_m=values["marker_offset_m"],
             mark_timeout_s=values["mark_timeout_s"],
             reject=topics.reject,
@@ -229,6 +231,15 @@ class TrolleyInput:
     def _look_for_welds(self) -> None:
         if self._node.active and not self.pending:
             self._worker.put(self._live.check_marks)
+
+
+def _running(text: str) -> Running | UnsetType:
+    if not text:
+        return UNSET
+    try:
+        return msgspec.convert(text, Running)
+    except msgspec.ValidationError:
+        raise InputError(f"running {text!r} is unknown", "use with, against or both, or leave it empty") from None
 
 
 def _cloud(cdr: bytes) -> PointCloud2:
