@@ -2,13 +2,15 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
+import platformdirs
 import pytest
 
 from weld_force_ros.cli import main
 from weld_force_ros.physics.track.beam import StripRail
-from weld_force_ros.simulation import section_file, track_file
+from weld_force_ros.simulation import fit_store, section_file, track_file
 from weld_force_ros.studies import rail_study
 
 pytestmark = pytest.mark.slow
@@ -49,9 +51,18 @@ def test_rows_say_where_the_rails_part(studied):
 
 def test_either_rail_of_a_track_is_made_from_the_other():
     beam = track_file.load("bilbao")
-    strips = rail_study.with_strips(beam, section_file.load("54E1").dimensions)
+    strips = rail_study.with_strips(beam, section_file.load("54E1"))
     assert isinstance(strips.track.rail, StripRail)
-    assert rail_study.with_beam(strips).track == beam.track
+    assert replace(rail_study.with_beam(strips).track, name="bilbao") == beam.track
+
+
+def test_both_rails_of_the_papers_track_are_fitted_already(monkeypatch, tmp_path):
+    monkeypatch.setattr(platformdirs, "user_cache_path", lambda name: tmp_path / name)
+    beam = track_file.load("bilbao")
+    made: list[str] = []
+    for definition in (beam, rail_study.with_strips(beam, section_file.load("60E1"))):
+        fit_store.fitted(definition, on_fit=made.append)
+    assert made == []
 
 
 def test_unknown_section_is_refused_in_a_line(capsys, tmp_path):

@@ -12,8 +12,8 @@ from weld_force_ros.physics.passage.wheel_path import wheel_path_over
 from weld_force_ros.physics.track import beam as beam_track
 from weld_force_ros.physics.track import waveguide_rail
 from weld_force_ros.physics.track.beam import Rail, StripRail
-from weld_force_ros.physics.track.outline import Dimensions
 from weld_force_ros.simulation import fit_store, section_file, track_file
+from weld_force_ros.simulation.section_file import SectionDefinition
 from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.studies import rail_figures
 from weld_force_ros.studies.rail_figures import RailForces
@@ -29,10 +29,11 @@ _BELOW_HZ = 500.0
 _BENDING_HZ = 300.0
 
 
-def with_strips(definition: TrackDefinition, section: Dimensions) -> TrackDefinition:
-    """Return the same track, its rail by finite strips of a cross-section."""
-    rail = StripRail(**asdict(_beam_of(definition.track.rail)), section=section)
-    return replace(definition, track=replace(definition.track, rail=rail))
+def with_strips(definition: TrackDefinition, section: SectionDefinition) -> TrackDefinition:
+    """Return the same track, its rail by finite strips of a cross-section; named by it, so that its fit is found."""
+    track = definition.track
+    rail = StripRail(**asdict(_beam_of(track.rail)), section=section.dimensions)
+    return replace(definition, track=replace(track, name=f"{track.name}, rail {section.name}", rail=rail))
 
 
 def with_beam(definition: TrackDefinition) -> TrackDefinition:
@@ -69,7 +70,7 @@ def run(
     beam = with_beam(given)
     strips = given
     if not isinstance(given.track.rail, StripRail):
-        strips = with_strips(given, section_file.load(section).dimensions)
+        strips = with_strips(given, section_file.load(section))
     frequency_hz = np.arange(_STEP_HZ, HIGHEST_HZ + 1, _STEP_HZ * (5 if coarse else 1))
     advance = start_progress("waves and receptances", 4)
     waves = {name: _wavenumbers(one.track.rail, frequency_hz) for name, one in _both(beam, strips)}
