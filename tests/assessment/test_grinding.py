@@ -58,7 +58,7 @@ def profile(height_m: float, length_m: float = 0.2) -> WeldProfile:
 
 @pytest.fixture(autouse=True)
 def one_reference_passage(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Keeps the reference in the loop with one passage of its nine: what it says is for `protrusion`, which asks four."""
+    """Keeps the reference in the loop with one passage of nine; `protrusion` asks it about four."""
     monkeypatch.setattr(grinding, "_REFERENCE_SPEEDS", 1)
     monkeypatch.setattr(grinding, "_REFERENCE_POSITIONS", 1)
 
