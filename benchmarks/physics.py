@@ -58,8 +58,8 @@ def first_maximum_kmh(length_m: float) -> float:
     return float(SPEEDS_KMH[find_peaks(_on_continuous(length_m, 40e-6).peak_force_n[:, 0])[0][0]])
 
 
-def first_sharp_angle_kmh(length_m: float) -> float:
-    """Return the speed at which another peak takes over: its place jumps by more than a tenth of the dip."""
+def first_kink_kmh(length_m: float) -> float:
+    """Return the speed at which another peak becomes the largest, more than a tenth of the dip away."""
     jumps = np.abs(np.diff(_on_continuous(length_m, 40e-6).peak_x_m[:, 0])) > length_m / 10
     return float(SPEEDS_KMH[np.argmax(jumps)]) + 0.5
 
@@ -134,8 +134,8 @@ FIGURES = (
     _within("wheel on track, second peak", 240, 20, "Hz", wheel_on_track_peak_hz, 1),
     _within("48 mm dip, first maximum", 53, 1, "km/h", first_maximum_kmh, 0.048),
     _within("96 mm dip, first maximum", 107, 2, "km/h", first_maximum_kmh, 0.096),
-    _within("48 mm dip, first sharp angle", 74, 2, "km/h", first_sharp_angle_kmh, 0.048),
-    _within("96 mm dip, first sharp angle", 151, 3, "km/h", first_sharp_angle_kmh, 0.096),
+    _within("48 mm dip, first kink", 74, 2, "km/h", first_kink_kmh, 0.048),
+    _within("96 mm dip, first kink", 151, 3, "km/h", first_kink_kmh, 0.096),
     Figure("48 mm rise, least change per km/h", least_rise_of_inverted_dip_n, 0.0, np.inf, "N"),
     Figure("Hertz 50 to 100, largest change", hertz_change_percent, 5.0, 15.0, "%"),
     Figure("wheel flat, local maximum", flat_maximum_kmh, 35.0, 45.0, "km/h"),

@@ -1,7 +1,7 @@
 """Tracks, wheels and shapes that the core's tests share."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 # Fits are many small least squares: a second BLAS thread makes them up to twenty times slower on a busy machine.
@@ -23,12 +23,23 @@ settings.register_profile("core", deadline=None, max_examples=40)
 settings.load_profile("core")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Trace single fast tests only: it nearly doubles the time of slow and of property tests, for few more lines."""
-    for item in items:
-        is_property = getattr(getattr(item, "obj", None), "is_hypothesis_test", False)
-        if item.get_closest_marker("slow") or is_property:
-            item.add_marker("no_cover")
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Trace single fast tests only, for coverage: it doubles the time of slow and property tests, for few more lines.
+
+    The fixtures that such a test is the first to need are not traced either. A test marked `untraced` is fast, and slow
+    if it is traced.
+    """
+    coverage = item.config.pluginmanager.getplugin("_cov")
+    tracer = coverage.cov_controller if coverage else None
+    is_property = getattr(getattr(item, "obj", None), "is_hypothesis_test", False)
+    if tracer is None or not (is_property or any(item.iter_markers("slow")) or any(item.iter_markers("untraced"))):
+        return (yield)
+    tracer.pause()
+    try:
+        return (yield)
+    finally:
+        tracer.resume()
 
 
 @pytest.fixture(scope="session")

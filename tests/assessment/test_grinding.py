@@ -60,6 +60,13 @@ def profile(height_m: float, length_m: float = 0.2) -> WeldProfile:
     )
 
 
+@pytest.fixture(autouse=True)
+def one_reference_passage(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keeps the reference in the loop with one passage of nine; `protrusion` asks it about four."""
+    monkeypatch.setattr(grinding, "_REFERENCE_SPEEDS", 1)
+    monkeypatch.setattr(grinding, "_REFERENCE_POSITIONS", 1)
+
+
 @pytest.fixture(scope="module")
 def protrusion() -> GrindingAdvice:
     with pytest.MonkeyPatch.context() as patch:
@@ -115,11 +122,8 @@ def test_reference_engine_agrees(protrusion: GrindingAdvice):
     assert rolled.peak_force_n.max() <= LIMIT_N * (1 + 1e-6)
 
 
-def test_a_protrusion_is_ground_with_less_metal_than_a_dip_of_the_same_wave(monkeypatch: pytest.MonkeyPatch):
+def test_a_protrusion_is_ground_with_less_metal_than_a_dip_of_the_same_wave():
     """Metal only comes off: a protrusion is ground itself, a dip can only be drawn out, and a dip it stays."""
-    # What the reference says of it is for the tests above: one passage keeps it in the loop.
-    monkeypatch.setattr(grinding, "_REFERENCE_SPEEDS", 1)
-    monkeypatch.setattr(grinding, "_REFERENCE_POSITIONS", 1)
     areas = []
     for height_m in (0.2e-3, -0.2e-3):
         peak_n = max(adviser(1e6, [100.0, 140.0], 2).advise(profile(height_m)).peak_before_n)

@@ -21,7 +21,7 @@ from weld_force_ros.simulation import track_file
 
 pytestmark = pytest.mark.slow
 
-COUNT, SEED = 1_000, 1
+COUNT, SEED = 600, 1
 
 
 @pytest.fixture(scope="module")
@@ -72,13 +72,12 @@ def _kind(read) -> Kind:
 
 
 def test_a_crash_a_hang_and_a_death_are_found_and_the_run_goes_on():
-    found = malformed.run([_kind(_crash), _kind(_die), _kind(_hang)._replace(share=0)], 12, SEED)
+    kinds = [_kind(_crash), _kind(_die), _kind(_hang)._replace(share=0)]
+    found = malformed.run(kinds, 12, SEED, limit_s=1.0)
     assert [(f.number, f.what) for f in found.by_kind["_crash"].failures] == [(i, "KeyError: 'x'") for i in range(6)]
     assert [(f.number, f.what) for f in found.by_kind["_die"].failures] == [(3, "the process died with exit code -11")]
     assert found.by_kind["_die"].mutated == 6
-    assert [f.what for f in found.by_kind["_hang"].failures] == [
-        f"hangs: more than {malformed.PROCESSOR_LIMIT_S:g} s of processor time"
-    ]
+    assert [f.what for f in found.by_kind["_hang"].failures] == ["hangs: more than 1 s of processor time"]
 
 
 GOOD_X = [i * 0.005 for i in range(40)]

@@ -22,15 +22,18 @@ def complete_at(whole: bytes) -> list[int]:
     return [length for length in sorted(lengths) if is_complete(whole[:length])]
 
 
+@pytest.mark.untraced
 def test_record_about_zero_is_complete_at_its_end_only() -> None:
     whole = text(-600, 600).encode()
     assert complete_at(whole) == [len(whole)]
 
 
+@pytest.mark.untraced
 def test_record_from_zero_never_says_that_it_is_complete() -> None:
     assert complete_at(text(0, 1200).encode()) == []
 
 
+@pytest.mark.untraced
 def test_announced_number_of_samples_says_it() -> None:
     whole = text(0, 1200, "# samples: 241\n").encode()
     assert complete_at(whole) == [len(whole)]

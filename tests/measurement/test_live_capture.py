@@ -433,6 +433,7 @@ def test_a_geometry_that_cannot_be_is_refused(bench: Bench):
     assert bench.profiles == []
 
 
+@pytest.mark.slow
 def test_welds_are_found_once_and_those_marked_are_not_found(bench: Bench):
     """True welds at 18, 36 and 54 m; the second is marked."""
     live = bench.live(detect=True)
@@ -459,6 +460,7 @@ def test_a_mark_takes_the_place_of_a_find_that_waits(bench: Bench):
     assert (profile.weld_id, profile.chainage_m) == ("mine", 18.1)
 
 
+@pytest.mark.untraced
 def test_a_find_that_was_refused_is_not_found_again(bench: Bench):
     live = bench.live(detect=True)
     drive(live, 1.0, 22.0, lost=(17.6, 17.7))

@@ -408,6 +408,7 @@ def test_oversized_input_is_refused(tmp_path: Path) -> None:
         read_profile(path)
 
 
+@pytest.mark.untraced
 def test_too_many_samples_are_refused() -> None:
     assert "50001 samples, at most 50000" in refused(csv_text("", [(f"{i}e-2", 0) for i in range(50_001)]))
 

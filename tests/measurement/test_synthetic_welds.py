@@ -51,6 +51,7 @@ def test_what_cannot_be_made_is_refused(count: int, seed: int):
         population(count, seed)
 
 
+@pytest.mark.untraced
 def test_every_profile_keeps_the_contract_and_lies_level_at_both_ends(welds: list[SyntheticWeld]):
     for weld in welds:
         x, z = weld.x_m.tolist(), weld.z_m.tolist()

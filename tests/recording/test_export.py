@@ -75,6 +75,7 @@ def test_export_of_nothing_leaves_no_file(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["run"]
 
 
+@pytest.mark.slow
 def test_export_of_the_demo_is_read_by_others(tmp_path):
     report = recording.export_json(DEMO, tmp_path / "demo.mcap")
     assert report.invalid_count == 0
@@ -249,6 +250,7 @@ def test_info_shows_files_state_and_outcomes(tmp_path, capfd):
     assert f"{found['outcomes']['verdicts']} verdicts" in said
 
 
+@pytest.mark.slow
 def test_export_chooses_the_form_by_the_targets_name(tmp_path, capfd):
     assert run(capfd, "bag", "export", DEMO, tmp_path / "demo.mcap")[0] == 0
     assert check_export(tmp_path / "demo.mcap") > 20

@@ -1,7 +1,6 @@
 """Samples rolled by the suite are those that rolling each by itself gives, and a verdict's probabilities follow."""
 
 from dataclasses import replace
-from functools import lru_cache
 
 import msgspec
 import numpy as np
@@ -61,7 +60,6 @@ def test_samples_are_what_rolling_each_by_itself_gives():
     assert isinstance(spread, UncertaintyResult)
     draws, definition = draw(chosen.uncertainty), track_file.load("bilbao-viscous")
     x, z = np.array(known.x_m), np.array(known.z_m)
-    fitted = lru_cache(fit_store.make_poles)  # the same supports give the same fit
     for i in range(8):
         track = definition.track
         springs = tuple(
@@ -72,7 +70,7 @@ def test_samples_are_what_rolling_each_by_itself_gives():
         wheel = replace(
             definition.wheel, hertz_n_per_m15=definition.wheel.hertz_n_per_m15 * float(draws.hertz_factor[i])
         )
-        vehicle_track = VehicleTrackModel(fitted(stiffer).model(), wheel)
+        vehicle_track = VehicleTrackModel(fit_store.fitted(stiffer).model(), wheel)
         height = noisy(x, z, chosen.uncertainty, int(draws.noise_seed[i]))
         wheel_path = wheel_path_over(x, height, float(draws.wheel_radius_m[i]))
         for column, at_m in enumerate(POSITIONS):
@@ -150,7 +148,8 @@ MANY_SPEEDS = np.arange(70.0, 160.0, 5.0).tolist()
     ],
 )
 def test_samples_where_they_can_be_the_worst_agree_with_every_speed_and_position(shape: str, support_spread: float):
-    unknown = msgspec.structs.replace(load_uncertainty(8), design="quasi-random", support_spread=support_spread)
+    # Every sample with supports of its own is a track to be fitted.
+    unknown = msgspec.structs.replace(load_uncertainty(5), design="quasi-random", support_spread=support_spread)
     chosen = simulation_settings(
         track="bilbao-viscous",
         speeds_kmh=MANY_SPEEDS,
@@ -163,7 +162,7 @@ def test_samples_where_they_can_be_the_worst_agree_with_every_speed_and_position
     spread = Simulator(chosen).force_map(known).spread
     again = Simulator(chosen, threads=1).force_map(known).spread
     assert spread == again
-    few = Passages.of_message(spread, chosen.static_load_n, (8, 3))
+    few = Passages.of_message(spread, chosen.static_load_n, (unknown.samples, 3))
     every = brute_force(unknown, known)
     for name, values in few.columns.items():
         # Contact loss is counted in steps, of which a millisecond has some twenty.

@@ -18,7 +18,7 @@ KMH = np.arange(20.0, 301.0)
 
 def welds() -> list[WeldProfile]:
     synthetic = []
-    for weld in population(4, seed=11):
+    for weld in list(population(4, seed=11))[1:]:  # the first loses contact, which the bundled flat does
         x, z = weld.x_m.tolist(), weld.z_m.tolist()
         sha = profile_sha256(x, z)
         synthetic.append(WeldProfile(weld_id=weld.weld_id, source="seed 11", x_m=x, z_m=z, profile_sha256=sha))

@@ -640,12 +640,13 @@ class Tally:
 
 
 class Job(NamedTuple):
-    """Inputs `start` to `stop` of a kind."""
+    """Inputs `start` to `stop` of a kind, each with so much time of the processor."""
 
     kind: Kind
     start: int
     stop: int
     seed: int
+    limit_s: float
 
 
 def malformed_input(kind: Kind, index: int, seed: int) -> bytes:
@@ -698,7 +699,7 @@ def _serve(connection: multiprocessing.connection.Connection, current: Any, fold
         for index in range(job.start, job.stop):
             data = malformed_input(job.kind, index, job.seed)
             current.value = index
-            signal.setitimer(signal.ITIMER_PROF, PROCESSOR_LIMIT_S)
+            signal.setitimer(signal.ITIMER_PROF, job.limit_s)
             signal.setitimer(signal.ITIMER_REAL, STALL_LIMIT_S)
             _judge(job.kind, index, data, tally)
             signal.setitimer(signal.ITIMER_PROF, 0)
@@ -732,7 +733,7 @@ class _Reader:
             index = self._current.value
             if index < 0:
                 raise RuntimeError("the reading process died before its first input") from None
-            return Failure(job.kind.name, index, _cause(self._process.exitcode or 0))
+            return Failure(job.kind.name, index, _cause(self._process.exitcode or 0, job.limit_s))
 
     def close(self) -> None:
         """End the process."""
@@ -745,9 +746,9 @@ class _Reader:
         self._folder.cleanup()
 
 
-def _cause(exit_code: int) -> str:
+def _cause(exit_code: int, limit_s: float) -> str:
     reasons = {
-        -signal.SIGPROF: f"hangs: more than {PROCESSOR_LIMIT_S:g} s of processor time",
+        -signal.SIGPROF: f"hangs: more than {limit_s:g} s of processor time",
         -signal.SIGALRM: f"hangs: more than {STALL_LIMIT_S:g} s",
     }
     return reasons.get(exit_code, f"the process died with exit code {exit_code}")
@@ -768,7 +769,14 @@ class Report:
         return [failure for tally in self.by_kind.values() for failure in tally.failures]
 
 
-def run(kinds: list[Kind], count: int, seed: int, *, on_job: Callable[[Job], None] = lambda _: None) -> Report:
+def run(
+    kinds: list[Kind],
+    count: int,
+    seed: int,
+    *,
+    limit_s: float = PROCESSOR_LIMIT_S,
+    on_job: Callable[[Job], None] = lambda _: None,
+) -> Report:
     """Spoil and read about `count` inputs, shared out among `kinds`; at least one of each."""
     began, peak_bytes = time.monotonic(), 0
     report = Report(seed, 0.0, 0, {kind.name: Tally() for kind in kinds})
@@ -776,7 +784,7 @@ def run(kinds: list[Kind], count: int, seed: int, *, on_job: Callable[[Job], Non
     shares = sum(kind.share for kind in kinds)
     for kind in kinds:
         total = max(1, round(count * kind.share / shares))
-        jobs = [Job(kind, start, min(start + _JOB, total), seed) for start in range(0, total, _JOB)]
+        jobs = [Job(kind, start, min(start + _JOB, total), seed, limit_s) for start in range(0, total, _JOB)]
         while jobs:
             job = jobs.pop(0)
             on_job(job)

@@ -1,4 +1,4 @@
-"""Claims: every form of criterion judged by hand, the words a reader sees, and the shipped file."""
+"""Claims: every form of criterion evaluated by hand, the words a reader sees, and the shipped file."""
 
 import json
 import math
@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.studies import claims
-from weld_force_ros.studies.claims import Claim, Condition, GeometrySource, JudgedClaim, StudyName
+from weld_force_ros.studies.claims import Claim, Condition, EvaluatedClaim, GeometrySource, StudyName
 
 SHIPPED = claims.load()
 WELL_FORMED = """
 - id: first-maximum
-  place: section 6
+  where: section 6
   statement: The maximum lies at 53 km/h.
   geometry: exact
   study: length
@@ -29,7 +29,7 @@ WELL_FORMED = """
 def claim(*criteria: Condition, geometry: GeometrySource = "exact", if_not: str | None = None) -> Claim:
     return Claim(
         id="a-claim",
-        place="section 6",
+        where="section 6",
         statement="Something is so.",
         geometry=geometry,
         study="length",
@@ -39,9 +39,9 @@ def claim(*criteria: Condition, geometry: GeometrySource = "exact", if_not: str 
     )
 
 
-def judged(subject: Claim, **measured: claims.Quantity) -> JudgedClaim:
-    (verdict,) = claims.evaluate([subject], {f"length.{name}": value for name, value in measured.items()})
-    return verdict
+def evaluated(subject: Claim, **measured: claims.Quantity) -> EvaluatedClaim:
+    (result,) = claims.evaluate([subject], {f"length.{name}": value for name, value in measured.items()})
+    return result
 
 
 MAXIMUM = Condition(key="length.maximum_kmh", within=(51.4, 54.6))
@@ -80,57 +80,60 @@ STAYS = Condition(key="length.grows", is_=False)
         (RATIO, np.array([0.6, 0.4]), "partly"),
     ],
 )
-def test_a_value_is_judged_by_its_criterion(condition, value, verdict):
+def test_a_value_is_compared_with_its_criterion(condition, value, verdict):
     quantity = condition.key.removeprefix("length.")
-    assert judged(claim(condition), **{quantity: value}).result == verdict
+    assert evaluated(claim(condition), **{quantity: value}).result == verdict
 
 
 def test_a_claim_agrees_partly_if_only_some_criteria_hold():
-    assert judged(claim(MAXIMUM, RATIO), maximum_kmh=53.0, ratio=1.0).result == "agrees"
-    assert judged(claim(MAXIMUM, RATIO), maximum_kmh=53.0, ratio=0.0).result == "partly"
-    assert judged(claim(MAXIMUM, RATIO), maximum_kmh=10.0, ratio=0.0).result == "differs"
+    assert evaluated(claim(MAXIMUM, RATIO), maximum_kmh=53.0, ratio=1.0).result == "agrees"
+    assert evaluated(claim(MAXIMUM, RATIO), maximum_kmh=53.0, ratio=0.0).result == "partly"
+    assert evaluated(claim(MAXIMUM, RATIO), maximum_kmh=10.0, ratio=0.0).result == "differs"
 
 
 def test_a_quantity_that_was_not_measured_is_named_whatever_the_others_say():
-    verdict = judged(claim(MAXIMUM, RATIO), maximum_kmh=10.0)
+    verdict = evaluated(claim(MAXIMUM, RATIO), maximum_kmh=10.0)
     assert verdict.result == "not evaluated"
     assert verdict.why == "Not measured: length.ratio"
     assert verdict.values == {"length.maximum_kmh": 10.0}
 
 
 def test_a_claim_without_criteria_cannot_be_tested_and_says_why():
-    verdict = judged(claim(geometry="none"))
+    verdict = evaluated(claim(geometry="none"))
     assert (verdict.result, verdict.why) == ("not-testable", "Because it is.")
 
 
 @pytest.mark.parametrize(
     ("condition", "value", "words"),
     [
-        (MAXIMUM, 54.1, "54.1 km/h, asked: 51.4 to 54.6 km/h"),
-        (MAXIMUM, math.nan, "none, asked: 51.4 to 54.6 km/h"),
-        (MAXIMUM, [52.0, 60.0], "52, 60 km/h (1 of 2), asked: 51.4 to 54.6 km/h"),
-        (MAXIMUM, [52.0] * 6 + [60.0, math.nan], "52 to 60 km/h (6 of 8), asked: 51.4 to 54.6 km/h"),
-        (Condition(key="length.fall_n", above=0.0), 12345.6, "12346 N, asked: above 0 N"),
-        (Condition(key="length.peaks", within=(1.0, 1.0)), 2.0, "2, asked: 1"),
-        (SPREAD, 0.1234, "0.1234, asked: below 0.1"),
-        (GROWS, False, "no, asked: yes"),
+        (MAXIMUM, 54.1, "54.1 km/h, required: 51.4 to 54.6 km/h"),
+        (MAXIMUM, math.nan, "none, required: 51.4 to 54.6 km/h"),
+        (MAXIMUM, [52.0, 60.0], "52, 60 km/h (1 of 2), required: 51.4 to 54.6 km/h"),
+        (MAXIMUM, [52.0] * 6 + [60.0, math.nan], "52 to 60 km/h (6 of 8), required: 51.4 to 54.6 km/h"),
+        (Condition(key="length.fall_n", above=0.0), 12345.6, "12346 N, required: above 0 N"),
+        (Condition(key="length.peaks", within=(1.0, 1.0)), 2.0, "2, required: 1"),
+        (SPREAD, 0.1234, "0.1234, required: below 0.1"),
+        (GROWS, False, "no, required: yes"),
     ],
 )
-def test_what_was_measured_stands_beside_what_was_asked(condition, value, words):
+def test_what_was_measured_is_given_with_what_is_required(condition, value, words):
     quantity = condition.key.removeprefix("length.")
-    assert judged(claim(condition), **{quantity: value}).measured == words
+    assert evaluated(claim(condition), **{quantity: value}).measured == words
 
 
 def test_each_of_several_quantities_is_named():
-    measured = judged(claim(MAXIMUM, GROWS), maximum_kmh=53.0, grows=False).measured
-    assert measured == "maximum 53 km/h, asked: 51.4 to 54.6 km/h; grows no, asked: yes"
+    measured = evaluated(claim(MAXIMUM, GROWS), maximum_kmh=53.0, grows=False).measured
+    assert measured == "maximum 53 km/h, required: 51.4 to 54.6 km/h; grows no, required: yes"
 
 
 def test_a_difference_says_which_quantity_what_it_means_and_that_the_shape_is_assumed():
-    subject = claim(MAXIMUM, RATIO, geometry="assumed", if_not="It hangs on the fit.")
-    why = judged(subject, maximum_kmh=53.0, ratio=0.1).why
-    assert why == "Not as asked: ratio. It hangs on the fit. The shape is assumed, since the paper does not give it"
-    assert judged(subject, maximum_kmh=53.0, ratio=0.6).why == "As asked"
+    subject = claim(MAXIMUM, RATIO, geometry="assumed", if_not="It depends on the fit.")
+    why = evaluated(subject, maximum_kmh=53.0, ratio=0.1).why
+    assert why == (
+        "Does not meet its criteria: ratio. It depends on the fit. "
+        "The shape is assumed, since the paper does not give it"
+    )
+    assert evaluated(subject, maximum_kmh=53.0, ratio=0.6).why == "Meets its criteria"
 
 
 @pytest.mark.parametrize(
@@ -139,7 +142,7 @@ def test_a_difference_says_which_quantity_what_it_means_and_that_the_shape_is_as
 def test_a_value_of_the_wrong_kind_is_refused_with_its_key(condition, value):
     quantity = condition.key.removeprefix("length.")
     with pytest.raises(InputError, match=condition.key):
-        judged(claim(condition), **{quantity: value})
+        evaluated(claim(condition), **{quantity: value})
 
 
 numbers = st.floats(allow_nan=True, allow_infinity=False, width=32)
@@ -156,19 +159,19 @@ measurements = st.lists(numbers, min_size=1, max_size=4)
         max_size=4,
     )
 )
-def test_the_result_counts_what_holds(asked):
-    conditions = [Condition(key=f"length.q{i}", **{form: limit}) for i, (form, limit, _) in enumerate(asked)]
+def test_the_result_counts_what_holds(required):
+    conditions = [Condition(key=f"length.q{i}", **{form: limit}) for i, (form, limit, _) in enumerate(required)]
     held = [
-        value > limit if form == "above" else value < limit for form, limit, measured in asked for value in measured
+        value > limit if form == "above" else value < limit for form, limit, measured in required for value in measured
     ]
-    verdict = judged(claim(*conditions), **{f"q{i}": measured for i, (_, _, measured) in enumerate(asked)}).result
+    verdict = evaluated(claim(*conditions), **{f"q{i}": measured for i, (_, _, measured) in enumerate(required)}).result
     assert (verdict == "agrees") == all(held)
     assert (verdict == "differs") == (not any(held))
     assert verdict in ("agrees", "partly", "differs")
 
 
 def test_the_file_holds_one_object_a_claim_in_json_that_any_reader_takes(tmp_path):
-    verdict = judged(claim(MAXIMUM, GROWS), maximum_kmh=[53.0, math.nan], grows=np.True_)
+    verdict = evaluated(claim(MAXIMUM, GROWS), maximum_kmh=[53.0, math.nan], grows=np.True_)
     path = tmp_path / "claims.json"
     claims.write([verdict], path)
 
@@ -215,7 +218,7 @@ def test_a_well_formed_file_is_read_as_it_stands():
 @pytest.mark.parametrize(
     ("old", "new", "names"),
     [
-        ("place: section 6", "place: [", "own.yaml"),
+        ("where: section 6", "where: [", "own.yaml"),
         ("  note: 3 %.\n", "", "note"),
         ("note:", "remark:", "remark"),
         ("exact", "guessed", "guessed"),
@@ -253,10 +256,10 @@ def test_the_shipped_claims_cover_every_study_with_at_least_thirty_that_can_be_t
     [
         ("length.first_maximum_48mm_kmh", 53, 0.03),
         ("length.first_maximum_96mm_kmh", 107, 0.03),
-        ("length.first_sharp_angle_48mm_kmh", 74, 0.04),
-        ("length.first_sharp_angle_96mm_kmh", 151, 0.04),
-        ("length.second_sharp_angle_48mm_kmh", 112, 0.05),
-        ("length.second_sharp_angle_96mm_kmh", 230, 0.05),
+        ("length.first_kink_48mm_kmh", 74, 0.04),
+        ("length.first_kink_96mm_kmh", 151, 0.04),
+        ("length.second_kink_48mm_kmh", 112, 0.05),
+        ("length.second_kink_96mm_kmh", 230, 0.05),
     ],
 )
 def test_the_shipped_tolerances_are_those_set_for_the_length_study(key, stated_kmh, tolerance):

@@ -24,13 +24,13 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
     return out, CliRunner().invoke(cli_study.app, ["all", "--quick", "--out", str(out)], catch_exceptions=False)
 
 
-def test_study_all_judges_every_claim(everything: tuple[Path, Result]):
+def test_study_all_evaluates_every_claim(everything: tuple[Path, Result]):
     out, result = everything
     assert result.exit_code == 0
-    judged = json.loads((out / "claims.json").read_text(encoding="utf-8"))
-    assert [entry["id"] for entry in judged] == [claim.id for claim in claims.load()]
-    assert len(judged) >= 30
-    for entry in judged:
+    entries = json.loads((out / "claims.json").read_text(encoding="utf-8"))
+    assert [entry["id"] for entry in entries] == [claim.id for claim in claims.load()]
+    assert len(entries) >= 30
+    for entry in entries:
         assert entry["result"] in {"agrees", "partly", "differs", "not-testable"}
         assert all(entry[field] for field in ("claim", "where", "why"))
         assert entry["measured"] or entry["result"] == "not-testable"
@@ -82,7 +82,7 @@ def test_what_fails_in_another_process_is_one_line(tmp_path, capfd, monkeypatch)
     assert str(tmp_path / "smooth") in line
 
 
-def test_a_weld_of_the_users_own_is_studied_and_not_held_against_the_paper(tmp_path: Path):
+def test_a_weld_of_the_users_own_is_studied_and_not_compared_with_the_paper(tmp_path: Path):
     weld = profile_file.read_profile(profile_file.find("weld-4-steep-ramp"))
     own = tmp_path / "own.csv"
     profile_file.write_profile(weld, own)

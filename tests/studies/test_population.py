@@ -14,9 +14,9 @@ from weld_force_ros.studies import population_study, validation_study
 from weld_force_ros.studies.simulated_population import (
     CurveShape,
     InvertedDips,
+    count_falling,
     curve_shape,
     ratios_by_frequency,
-    with_hollow,
 )
 from weld_force_ros.studies.study_context import StudyContext, StudyResult
 
@@ -92,13 +92,13 @@ def test_counts_add_up_and_are_those_of_the_welds(welds: StudyResult):
     counts = {(row[0], row[1]): row[2:5] for row in welds.tables["classes"].rows}
     thirds = ("smoothest third", "middle third", "roughest third")
     for kind in ("dip", "protrusion"):
-        curves, monotonic, hollow = counts[kind, "all"]
-        assert curves == monotonic + hollow == sum(counts[kind, third][0] for third in thirds)
+        curves, monotonic, falling = counts[kind, "all"]
+        assert curves == monotonic + falling == sum(counts[kind, third][0] for third in thirds)
         of_kind = [m for k, m in zip(column(welds, "welds", "class"), column(welds, "welds", "monotonic"), strict=True)
                    if k == kind]  # fmt: skip
         assert (len(of_kind), sum(of_kind)) == (curves, monotonic)
         share = welds.measured[f"population.non_monotonic_share_{kind}s"]
-        assert share == pytest.approx(hollow / curves)
+        assert share == pytest.approx(falling / curves)
     assert counts["both", "all"][0] == 2 * population_study.COARSE_COUNT
 
 
@@ -120,7 +120,7 @@ def test_a_fall_is_relative_to_the_curves_range():
     assert found.fall == pytest.approx(50 / 180, rel=0.01)
     level = curve_shape(speeds, 100e3 + 1e3 * speeds)
     assert level == CurveShape(True, 0.0, pytest.approx(1.0))
-    assert with_hollow([found, level, found]) == 2
+    assert count_falling([found, level, found]) == 2
 
 
 def test_ratios_are_those_of_the_frequency_and_of_true_inversions():

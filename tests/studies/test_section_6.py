@@ -43,15 +43,15 @@ def measured(papers: dict[str, StudyResult]) -> Quantities:
     return {key: value for study in papers.values() for key, value in study.measured.items()}
 
 
-def asked(study: str) -> Iterator[str]:
-    """The quantities that the claims judged by a study need."""
+def required(study: str) -> Iterator[str]:
+    """The quantities that the claims evaluated by a study need."""
     return (condition.key for claim in claims.load() if claim.study == study for condition in claim.criteria)
 
 
 @pytest.mark.parametrize("name", STUDIES)
-def test_every_quantity_that_a_claim_asks_for_is_there_and_a_plain_number(name, papers):
+def test_every_quantity_that_a_claim_requires_is_there_and_a_plain_number(name, papers):
     found = papers[name].measured
-    assert not set(asked(name)) - set(found)
+    assert not set(required(name)) - set(found)
     for value in found.values():
         for number in value if isinstance(value, list) else [value]:
             assert type(number) in (float, bool)
@@ -95,8 +95,8 @@ def test_an_own_weld_is_shown_and_nothing_is_said_about_the_paper(name, own):
     [
         ("length.first_maximum_48mm_kmh", 53.0),
         ("length.first_maximum_96mm_kmh", 107.0),
-        ("length.first_sharp_angle_48mm_kmh", 74.0),
-        ("length.first_sharp_angle_96mm_kmh", 151.0),
+        ("length.first_kink_48mm_kmh", 74.0),
+        ("length.first_kink_96mm_kmh", 151.0),
         ("spectrum.force_peak_55kmh_hz", 60.0),
         ("spectrum.largest_peak_145kmh_hz", 245.0),
     ],
@@ -161,8 +161,8 @@ def test_an_exponent_is_the_power_of_speed_and_missing_if_a_value_is():
 def test_the_leading_peaks_place_is_that_of_the_nearest_speed():
     places = np.array([[0.01], [0.02], [0.03]])
     peak_map = PeakMap(places, places, places, places)
-    assert passage_records.place_at(np.array([20.0, 30.0, 40.0]), peak_map, 32.0) == 0.02
-    assert math.isnan(passage_records.place_at(np.array([20.0, 30.0, 40.0]), peak_map, math.nan))
+    assert passage_records.peak_location_at(np.array([20.0, 30.0, 40.0]), peak_map, 32.0) == 0.02
+    assert math.isnan(passage_records.peak_location_at(np.array([20.0, 30.0, 40.0]), peak_map, math.nan))
 
 
 def test_a_split_force_by_hand():

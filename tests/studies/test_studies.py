@@ -24,7 +24,7 @@ from weld_force_ros.simulation import simulator, track_file
 from weld_force_ros.simulation.settings import ENGINES, simulation_settings
 from weld_force_ros.studies import engines_figures, engines_study
 from weld_force_ros.studies.engines_study import QUICK_GRIDS, TARGETS
-from weld_force_ros.studies.fit_orders import ANGLE_SPEEDS_KMH, sharp_angles
+from weld_force_ros.studies.fit_orders import KINK_SPEEDS_KMH, kinks
 from weld_force_ros.studies.grids import COSINES_M, Grid, ReferenceGrid, wheel_path
 from weld_force_ros.studies.peak_comparison import ComparedPassage, grouped_differences, peak_difference
 from weld_force_ros.studies.reference_peaks import ReferencePeaks
@@ -95,10 +95,10 @@ def test_an_engine_that_fails_at_one_speed_is_still_compared_at_the_others():
     assert by_speed[(160.0,)].rms_percent == pytest.approx(1.0)
 
 
-def test_sharp_angles_lie_where_the_peaks_place_jumps():
+def test_kinks_lie_where_the_peaks_place_jumps():
     # From 12 mm on, a tenth of a 100 mm dip is exceeded twice: between 60 and 70, and between 80 and 90 km/h.
     places = np.array([0.010, 0.012, 0.030, 0.033, 0.010])
-    assert sharp_angles([50.0, 60.0, 70.0, 80.0, 90.0], places, 0.100) == [65.0, 85.0]
+    assert kinks([50.0, 60.0, 70.0, 80.0, 90.0], places, 0.100) == [65.0, 85.0]
 
 
 def test_flats_are_rounded_alike():
@@ -163,9 +163,9 @@ def test_a_damaged_file_of_reference_peaks_is_computed_anew(tmp_path, counted):
 
 @pytest.fixture(scope="module")
 def few_passages() -> Iterator[None]:
-    """Sharp angles looked for up to 92 km/h, where the dip's first one lies: the reference is slow."""
+    """Kinks searched up to 92 km/h, beyond the dip's first one: the reference is slow."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(engines_study, "ANGLE_SPEEDS_KMH", ANGLE_SPEEDS_KMH[:33])
+        patch.setattr(engines_study, "KINK_SPEEDS_KMH", KINK_SPEEDS_KMH[:33])
         patch.setattr(engines_study, "QUICK_GRIDS", SOME_GRIDS)
         yield
 
@@ -216,8 +216,8 @@ def test_study_says_what_the_order_does(study):
     rows = rows_of(study / "orders.csv")
     fit = {(r["track"], r["order"]): r["fit_error_percent"] for r in rows}
     assert float(fit["johansson-nielsen", "12"]) < float(fit["johansson-nielsen", "8"])
-    # The paper's first sharp angle of this dip is at 74 km/h; the quick study looks every 8 km/h.
-    assert float(rows[-1]["first_sharp_angle_kmh"]) == pytest.approx(74.0, abs=4.0)
+    # The paper's first kink of this dip is at 74 km/h; the quick study looks every 8 km/h.
+    assert float(rows[-1]["first_kink_kmh"]) == pytest.approx(74.0, abs=4.0)
     assert (rows[-1]["order"], rows[-1]["fit_error_percent"]) == ("reference", "")
 
 

@@ -20,19 +20,19 @@ from weld_force_ros.studies.passage_curves import (
     SmoothRailPassage,
     features,
     first_maximum,
-    hollow_after_maximum,
+    minimum_after_maximum,
     split_peaks,
     two_highest,
 )
 from weld_force_ros.studies.result_table import Table
 from weld_force_ros.studies.study_context import BILBAO, StudyContext, StudyResult
-from weld_force_ros.studies.weld_map import standstill
+from weld_force_ros.studies.weld_map import plateau_width
 
 pytestmark = pytest.mark.slow
 
 STUDIES = ("map", "curve", "motion", "increment")
 UNITS = ("_kmh", "_m", "_n", "_s")
-DIMENSIONLESS = {"weld", "kind", "hollow_share", "linearity_r2", "position_spread", "hollow"}
+DIMENSIONLESS = {"weld", "kind", "minimum_share", "linearity_r2", "position_spread", "local_minimum"}
 STATIC_N = 100e3
 
 
@@ -65,10 +65,10 @@ def replace_profile(profile: WeldProfile, **changes: object) -> WeldProfile:
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_a_study_measures_all_that_the_claims_ask_for(found, name):
-    asked = re.findall(rf"key: ({name}\.\w+)", (files("weld_force_ros") / "data" / "claims.yaml").read_text("utf-8"))
-    assert asked
+    required = re.findall(rf"key: ({name}\.\w+)", (files("weld_force_ros") / "data" / "claims.yaml").read_text("utf-8"))
+    assert required
     measured = found[name].measured
-    assert set(asked) <= set(measured)
+    assert set(required) <= set(measured)
     for value in measured.values():
         values = value if isinstance(value, list) else [value]
         assert values
@@ -109,7 +109,7 @@ def test_there_is_a_picture_of_each_weld(found):
 
 
 @pytest.mark.parametrize("name", STUDIES)
-def test_an_own_weld_is_shown_and_not_held_against_the_paper(name, level):
+def test_an_own_weld_is_shown_and_not_compared_with_the_paper(name, level):
     own = run(name, StudyContext(own_weld=level, coarse=True))
     assert own.measured == {}
     assert own.pictures
@@ -118,7 +118,7 @@ def test_an_own_weld_is_shown_and_not_held_against_the_paper(name, level):
 
 
 @pytest.mark.parametrize("name", STUDIES)
-def test_an_own_track_is_not_held_against_the_paper(name):
+def test_an_own_track_is_not_compared_with_the_paper(name):
     assert run(name, StudyContext(own_track="johansson-nielsen", coarse=True)).measured == {}
 
 
@@ -176,24 +176,24 @@ def test_smooth_rail_repeats_with_the_sleepers_about_the_static_load():
     assert smooth.force_n(np.arange(2400) * 0.25e-3).mean() == pytest.approx(STATIC_N, rel=1e-3)
 
 
-def test_standstill_is_the_widest_interval_without_growth():
+def test_plateau_width_is_the_widest_interval_without_growth():
     speeds = np.array([0.0, 10.0, 20.0, 30.0, 40.0, 50.0])
     # From 10 km/h (5 N) the force keeps below 5 + 1 N until half-way from 40 (4 N) to 50 km/h (8 N).
-    assert standstill(speeds, np.array([0.0, 5.0, 3.0, 4.0, 4.0, 8.0]), 1.0) == pytest.approx(35.0)
-    assert standstill(speeds, speeds, 2.0) == pytest.approx(2.0)
-    assert standstill(speeds, -speeds, 0.0) == pytest.approx(50.0)
+    assert plateau_width(speeds, np.array([0.0, 5.0, 3.0, 4.0, 4.0, 8.0]), 1.0) == pytest.approx(35.0)
+    assert plateau_width(speeds, speeds, 2.0) == pytest.approx(2.0)
+    assert plateau_width(speeds, -speeds, 0.0) == pytest.approx(50.0)
 
 
-def test_the_hollow_after_the_maximum_is_not_one_before_it():
+def test_the_minimum_after_the_maximum_is_not_one_before_it():
     speeds = np.arange(20.0, 200.0, 2.0)
     curve = features(speeds, 100 + 30 * np.sin((speeds - 20) / 20))
     assert first_maximum(curve) == pytest.approx((20 + 10 * np.pi, 130), rel=1e-3)
-    hollow = hollow_after_maximum(curve)
-    assert hollow is not None
-    assert (hollow.lowest_kmh, hollow.depth_n) == pytest.approx((20 + 30 * np.pi, 60), rel=1e-3)
+    minimum = minimum_after_maximum(curve)
+    assert minimum is not None
+    assert (minimum.lowest_kmh, minimum.depth_n) == pytest.approx((20 + 30 * np.pi, 60), rel=1e-3)
     rising = features(speeds, speeds)
     assert np.isnan(first_maximum(rising)).all()
-    assert hollow_after_maximum(rising) is None
+    assert minimum_after_maximum(rising) is None
 
 
 def test_peaks_count_beside_the_leading_one_from_a_fiftieth_on():

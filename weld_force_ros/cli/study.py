@@ -35,7 +35,7 @@ _SUMMARIES = {
     "hertz": "The contact's stiffness (section 6.1).",
     "spectrum": "Spectra of force and weld, and the track's resonances (figures 25, 26).",
     "bands": "The force below and above 530 Hz (figures 27, 28).",
-    "population": "Synthetic welds: class of geometry against behaviour (sections 4, 7).",
+    "population": "Synthetic welds: class of geometry against shape of the force-speed curve (sections 4, 7).",
 }
 
 
@@ -51,7 +51,7 @@ def _study(name: str) -> Callable[..., None]:
             studied = paper_studies.run_one(name, context, out)
         with json_output.lines(json) as lines:
             json_output.write(lines, studied.measured)
-        _tell(studied.rendered, out)
+        _say_where(studied.rendered, out)
 
     run.__doc__ = _SUMMARIES[name]
     return run
@@ -63,7 +63,7 @@ for _name in _SUMMARIES:
 
 @app.command("all")
 def study_all(out: Out, quick: Quick = False, json: Json = None) -> None:
-    """Run every study of the paper, judge its claims one by one (claims.json), and put all figures on one page."""
+    """Run every study of the paper, evaluate its claims one by one (claims.json), and put all figures on one page."""
     from weld_force_ros.cli import terminal
     from weld_force_ros.studies import claims, paper_studies, study_context
 
@@ -74,11 +74,11 @@ def study_all(out: Out, quick: Quick = False, json: Json = None) -> None:
             start_progress=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
         )
     with json_output.lines(json) as lines:
-        for judged in studied.judged:
-            json_output.write(lines, judged)
-    terminal.show_table(claims.table(studied.judged))
-    terminal.show_table(claims.summary(studied.judged))
-    _tell(studied.rendered, out)
+        for claim in studied.claims:
+            json_output.write(lines, claim)
+    terminal.show_table(claims.table(studied.claims))
+    terminal.show_table(claims.summary(studied.claims))
+    _say_where(studied.rendered, out)
     if quick:
         terminal.say(paper_studies.COARSE.strip())
     terminal.say(f"claims:  {out / 'claims.json'}")
@@ -130,15 +130,15 @@ def study_rail(
             section,
             coarse=quick,
             start_progress=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
-            say=terminal.say,
+            on_fit=terminal.say,
         )
-    shown = gallery.write_study(found, out)
-    gallery.write_page(out / "rail.html", [shown], title=found.title, introduction="One track with either rail.")
+    rendered = gallery.write_study(found, out)
+    gallery.write_page(out / "rail.html", [rendered], title=found.title, introduction="One track with either rail.")
     with json_output.lines(json) as lines:
         json_output.write(lines, found.measured)
-    for name in ("parting", "forces"):
+    for name in ("differences", "forces"):
         terminal.show_table(found.tables[name])
-    _tell([shown], out)
+    _say_where([rendered], out)
     terminal.say(f"page: {out / 'rail.html'}")
 
 
@@ -163,13 +163,13 @@ def study_support(out: Out, quick: Quick = False, json: Json = None) -> None:
     with json_output.lines(json) as lines:
         json_output.write(lines, found.measured)
     terminal.show_table(support_study.summary(found))
-    _tell([shown], out)
+    _say_where([shown], out)
     terminal.say(f"page: {out / 'support.html'}")
 
 
-def _tell(shown: "list[RenderedStudy]", out: Path) -> None:
+def _say_where(rendered: "list[RenderedStudy]", out: Path) -> None:
     from weld_force_ros.cli import terminal
 
-    figures = sum(len(study.pictures) for study in shown)
-    tables = sum(len(study.tables) for study in shown)
+    figures = sum(len(study.pictures) for study in rendered)
+    tables = sum(len(study.tables) for study in rendered)
     terminal.say(f"{out}: {figures} figures (PNG, SVG), {tables} tables (CSV)")

@@ -56,10 +56,10 @@ class BandSplit:
         """Return the distance between the low part's zero crossings on either side of its maximum; NaN without two."""
         summit = int(np.argmax(self.low_n))
         below = np.flatnonzero(self.low_n <= 0)
-        before, behind = below[below < summit], below[below > summit]
-        if not (len(before) and len(behind)):
+        before, after = below[below < summit], below[below > summit]
+        if not (len(before) and len(after)):
             return float("nan")
-        return self._crossing_m(int(behind[0]) - 1) - self._crossing_m(int(before[-1]))
+        return self._crossing_m(int(after[0]) - 1) - self._crossing_m(int(before[-1]))
 
     def _crossing_m(self, index: int) -> float:
         """Return where the low part crosses zero between a sample and the next."""

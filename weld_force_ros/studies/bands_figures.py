@@ -29,7 +29,7 @@ def parts(weld: str, name: str, passages: Sequence[BandSplit], shown_m: tuple[fl
             axes.plot(x[inside] * 1e3, force[inside] / 1e3, style, color=colour, label=label)
         axes.axhline(0, color=GREY, linewidth=0.6, zorder=0)
         label_panel(axes, f"{split.speed_kmh:g} km/h")
-    panels[-1].set(xlabel="distance behind the weld's centre, mm", xlim=(shown_m[0] * 1e3, shown_m[1] * 1e3))
+    panels[-1].set(xlabel="distance after the weld's centre, mm", xlim=(shown_m[0] * 1e3, shown_m[1] * 1e3))
     figure.supylabel("dynamic contact force, kN", fontsize="medium")
     legend_above(figure, 3, panels[0])
     return Picture(
@@ -50,7 +50,7 @@ def curves(labels: Sequence[str], speeds_kmh: FloatArray, peak_maps: Sequence[Pe
     return Picture(
         "bands-curves", "Peak force over a weld and the same upside down",
         "Over a rise, the paper says, the force keeps growing, nearly along a line; over a dip it has a maximum and a "
-        "hollow behind it. Which of the two gives less depends on the speed.", figure,
+        "local minimum after it. Which of the two gives less depends on the speed.", figure,
     )  # fmt: skip
 
 

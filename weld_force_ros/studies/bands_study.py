@@ -16,7 +16,7 @@ DIP_KMH = (50.0, 80.0, 120.0, 200.0)
 RISE_KMH = (65.0, 120.0, 200.0)
 MOVING_KMH = (80.0, 120.0, 160.0, 200.0)
 _LOW_KMH = (80.0, 120.0, 200.0)
-_BEFORE_M, _BEHIND_M = 0.1, 0.4
+_BEFORE_M, _AFTER_M = 0.1, 0.4
 
 
 def run(context: StudyContext) -> StudyResult:
@@ -24,21 +24,21 @@ def run(context: StudyContext) -> StudyResult:
     welds = variants.by_sign(context)
     speeds = context.speeds(20, 300, 1)
     peak_maps = list(context.vehicle_track(CONTINUOUS).peak_maps([weld.wheel_path for weld in welds], speeds, [0.0]))
-    over = {speed: _split_force(context, welds[0], speed) for speed in sorted({*DIP_KMH, *MOVING_KMH})}
-    over_inverse = {speed: _split_force(context, welds[1], speed) for speed in RISE_KMH}
+    weld_splits = {speed: _split_force(context, welds[0], speed) for speed in sorted({*DIP_KMH, *MOVING_KMH})}
+    inverse_splits = {speed: _split_force(context, welds[1], speed) for speed in RISE_KMH}
     first_m, last_m = welds[0].wheel_path.nonzero_extent_m
-    shown_m = (first_m - _BEFORE_M, last_m + _BEHIND_M)
+    shown_m = (first_m - _BEFORE_M, last_m + _AFTER_M)
     pictures = [
-        bands_figures.parts(welds[0].label, "bands-weld", [over[speed] for speed in DIP_KMH], shown_m),
-        bands_figures.parts(welds[1].label, "bands-inverse", list(over_inverse.values()), shown_m),
+        bands_figures.parts(welds[0].label, "bands-weld", [weld_splits[speed] for speed in DIP_KMH], shown_m),
+        bands_figures.parts(welds[1].label, "bands-inverse", list(inverse_splits.values()), shown_m),
         bands_figures.curves([weld.label for weld in welds], speeds, peak_maps),
-        bands_figures.spectra(welds[0].label, [over[speed] for speed in MOVING_KMH]),
+        bands_figures.spectra(welds[0].label, [weld_splits[speed] for speed in MOVING_KMH]),
     ]
     tables = {
-        "parts": _parts_table(welds, [over, over_inverse], shown_m),
+        "parts": _parts_table(welds, [weld_splits, inverse_splits], shown_m),
         "curves": _curves_table(welds, speeds, peak_maps),
     }
-    measured = _claim_quantities(speeds, peak_maps, over, over_inverse) if context.uses_paper_inputs else {}
+    measured = _claim_quantities(speeds, peak_maps, weld_splits, inverse_splits) if context.uses_paper_inputs else {}
     return StudyResult("bands", "Force below and above 530 Hz", pictures, tables, measured)
 
 
@@ -60,7 +60,7 @@ def _parts_table(welds: list[Variant], passages: list[dict[float, BandSplit]], s
             rows += [(weld.label, speed, *row) for row in cells]
     return Table(
         "Dynamic force below and above 530 Hz",
-        (Column("weld", "weld"), Column("speed_kmh", "km/h", 0), Column("x_m", "m behind the weld's centre", 4),
+        (Column("weld", "weld"), Column("speed_kmh", "km/h", 0), Column("x_m", "m after the weld's centre", 4),
          Column("low_n", "N", 0), Column("high_n", "N", 0)), rows,
     )  # fmt: skip
 
@@ -75,66 +75,69 @@ def _curves_table(welds: list[Variant], speeds: FloatArray, peak_maps: list[Peak
 
 
 def _claim_quantities(
-    speeds: FloatArray, peak_maps: list[PeakMap], over: dict[float, BandSplit], over_inverse: dict[float, BandSplit]
+    speeds: FloatArray,
+    peak_maps: list[PeakMap],
+    dip_splits: dict[float, BandSplit],
+    rise_splits: dict[float, BandSplit],
 ) -> Quantities:
     dip, rise = (peak_map.peak_force_n[:, 0] for peak_map in peak_maps)
     inverted = curve_features(speeds, rise)
     return {
-        **_low_part(over),
-        **_high_part(over),
-        **_places(speeds, peak_maps[0], over),
+        **_low_part(dip_splits),
+        **_high_part(dip_splits),
+        **_peak_locations(speeds, peak_maps[0], dip_splits),
         "bands.inverted_monotonic": inverted.monotonic,
         "bands.inverted_linearity": inverted.linearity,
-        "bands.inverted_parts_at_peak_n": [part for split in over_inverse.values() for part in split.at_peak_n],
+        "bands.inverted_parts_at_peak_n": [part for split in rise_splits.values() for part in split.at_peak_n],
         "bands.dip_below_rise_share": float(np.mean(dip < rise)),
     }
 
 
-def _low_part(over: dict[float, BandSplit]) -> Quantities:
+def _low_part(splits: dict[float, BandSplit]) -> Quantities:
     peaks = np.array(
-        [passage_records.first_two_hz(passage_records.peaks_between(over[v].spectrum, 0, CUT_HZ)) for v in _LOW_KMH]
+        [passage_records.first_two_hz(passage_records.peaks_between(splits[v].spectrum, 0, CUT_HZ)) for v in _LOW_KMH]
     )
-    widths = [over[speed].low_width_m for speed in MOVING_KMH]
+    widths = [splits[speed].low_width_m for speed in MOVING_KMH]
     return {
         "bands.low_peaks_spread": (np.ptp(peaks, axis=0) / peaks.mean(axis=0)).tolist(),
         "bands.low_first_peak_hz": peaks[:, 0].tolist(),
         "bands.low_second_peak_hz": peaks[:, 1].tolist(),
         "bands.low_width_exponent": passage_records.exponent(MOVING_KMH, widths),
-        "bands.low_peak_shift_50_to_200kmh_mm": (over[200.0].low_peak_m - over[50.0].low_peak_m) * 1e3,
+        "bands.low_peak_shift_50_to_200kmh_mm": (splits[200.0].low_peak_m - splits[50.0].low_peak_m) * 1e3,
     }
 
 
-def _high_part(over: dict[float, BandSplit]) -> Quantities:
-    strongest = [passage_records.strongest_hz(over[v].spectrum, CUT_HZ, np.inf) for v in MOVING_KMH]
-    largest = [float(np.abs(over[speed].parts.high_n).max()) for speed in DIP_KMH]
-    phase = phase_at_peak(over[80.0].parts)
+def _high_part(splits: dict[float, BandSplit]) -> Quantities:
+    strongest = [passage_records.strongest_hz(splits[v].spectrum, CUT_HZ, np.inf) for v in MOVING_KMH]
+    largest = [float(np.abs(splits[speed].parts.high_n).max()) for speed in DIP_KMH]
+    phase = phase_at_peak(splits[80.0].parts)
     return {
         "bands.high_peak_exponent": passage_records.exponent(MOVING_KMH, strongest),
-        **{f"bands.high_share_{speed:g}kmh": over[speed].high_share for speed in (50.0, 80.0, 120.0)},
+        **{f"bands.high_share_{speed:g}kmh": splits[speed].high_share for speed in (50.0, 80.0, 120.0)},
         "bands.high_grows": bool(np.all(np.diff(largest) > 0)),
         "bands.high_at_low_maximum_80kmh_n": phase.high_n,
         "bands.phase_80kmh": phase.correlation,
-        "bands.high_at_peak_50kmh_n": over[50.0].at_peak_n[1],
-        "bands.parts_at_peak_200kmh_n": over[200.0].at_peak_n,
+        "bands.high_at_peak_50kmh_n": splits[50.0].at_peak_n[1],
+        "bands.parts_at_peak_200kmh_n": splits[200.0].at_peak_n,
     }
 
 
-def _places(speeds: FloatArray, peak_map: PeakMap, over: dict[float, BandSplit]) -> Quantities:
+def _peak_locations(speeds: FloatArray, peak_map: PeakMap, splits: dict[float, BandSplit]) -> Quantities:
     """Return how far the two peaks are from those of the two parts, and how they move."""
     maximum_kmh = passage_curves.first_maximum(passage_curves.features(speeds, peak_map.peak_force_n[:, 0]))[0]
-    leading_m = passage_records.place_at(speeds, peak_map, maximum_kmh)
-    first_120, second_120 = _two_places(over[120.0], leading_m)
-    first_200, second_200 = _two_places(over[200.0], leading_m)
+    largest_m = passage_records.peak_location_at(speeds, peak_map, maximum_kmh)
+    first_120, second_120 = _two_locations(splits[120.0], largest_m)
+    first_200, second_200 = _two_locations(splits[200.0], largest_m)
     return {
-        "bands.first_peak_to_high_120kmh_mm": (first_120 - over[120.0].high_peak_m) * 1e3,
-        "bands.second_peak_to_low_120kmh_mm": (second_120 - over[120.0].low_peak_m) * 1e3,
+        "bands.first_peak_to_high_120kmh_mm": (first_120 - splits[120.0].high_peak_m) * 1e3,
+        "bands.second_peak_to_low_120kmh_mm": (second_120 - splits[120.0].low_peak_m) * 1e3,
         "bands.first_peak_shift_120_to_200kmh_mm": (first_200 - first_120) * 1e3,
         "bands.second_peak_shift_120_to_200kmh_mm": (second_200 - second_120) * 1e3,
     }
 
 
-def _two_places(split: BandSplit, leading_m: float) -> tuple[float, float]:
+def _two_locations(split: BandSplit, largest_m: float) -> tuple[float, float]:
     first, second = passage_curves.two_highest(
-        passage_curves.split_peaks(split.passage, split.static_load_n, leading_m)
+        passage_curves.split_peaks(split.passage, split.static_load_n, largest_m)
     )
     return first.x_m, second.x_m

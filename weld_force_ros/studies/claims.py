@@ -1,6 +1,6 @@
 """The paper's claims: what it says, what would count as agreement, and the result for what the studies measured.
 
-The claims stand in `data/claims.yaml`, their criteria decided from the paper's words before any study was run.
+The claims are in `data/claims.yaml`, their criteria decided from the paper's words before any study was run.
 """
 
 import math
@@ -54,7 +54,7 @@ class Condition(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields
             return f"{self.key} needs exactly one of within, above, below, is"
         ends = self.within or (0.0, self.above or self.below or 0.0)
         if not all(map(math.isfinite, ends)) or (self.within and ends[0] > ends[1]):
-            return f"{self.key} asks for a number in {list(ends)}"
+            return f"{self.key} requires a number in {list(ends)}"
         return None
 
     def holds(self, value: Quantity) -> list[bool]:
@@ -111,13 +111,13 @@ class Condition(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields
 class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=True):
     """A statement of the paper in our words; without criteria it cannot be tested.
 
-    `geometry` is `exact` if the paper gives all that the statement depends on, `assumed` if the weld's shape is
-    modelled after its words, `none` if it gives too little for any check. `if_not` says beforehand what a difference
-    would mean, `found` what explained one afterwards.
+    `where` is its section and figure in the paper. `geometry` is `exact` if the paper gives all that the statement
+    depends on, `assumed` if the weld's shape is modelled after its words, `none` if it gives too little for any check.
+    `if_not` says beforehand what a difference would mean, `found` what explained one afterwards.
     """
 
     id: Annotated[str, Meta(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$")]
-    place: _Text
+    where: _Text
     statement: _Text
     geometry: GeometrySource
     study: StudyName
@@ -130,18 +130,18 @@ class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tru
         """Return why the claim is invalid beyond its types, or None."""
         if (self.geometry == "none") is not (not self.criteria):
             return "a claim has criteria unless its geometry is none"
-        strange = [c.key for c in self.criteria if c.key.partition(".")[0] != self.study]
-        if strange:
-            return f"{strange[0]} is not measured by the study {self.study}"
+        foreign = [c.key for c in self.criteria if c.key.partition(".")[0] != self.study]
+        if foreign:
+            return f"{foreign[0]} is not measured by the study {self.study}"
         return next(filter(None, (condition.problem() for condition in self.criteria)), None)
 
 
-class JudgedClaim(msgspec.Struct, kw_only=True, frozen=True):
+class EvaluatedClaim(msgspec.Struct, kw_only=True, frozen=True):
     """A claim with its result, one entry of `claims.json`. A value there is null where the quantity does not exist."""
 
     id: str
     statement: str = msgspec.field(name="claim")
-    place: str = msgspec.field(name="where")
+    where: str
     study: StudyName
     geometry: GeometrySource
     criterion: str
@@ -181,7 +181,7 @@ def parse(data: bytes, source: str) -> list[Claim]:
     return claims
 
 
-def evaluate(claims: Sequence[Claim], measured: Mapping[str, Quantity]) -> list[JudgedClaim]:
+def evaluate(claims: Sequence[Claim], measured: Mapping[str, Quantity]) -> list[EvaluatedClaim]:
     """Compare each claim with what the studies measured, in the order of the claims.
 
     A claim agrees if every element of every quantity meets its condition, differs if none does, and agrees partly
@@ -190,20 +190,20 @@ def evaluate(claims: Sequence[Claim], measured: Mapping[str, Quantity]) -> list[
     Raises:
         InputError: a quantity is of the wrong kind for its criterion.
     """
-    return [_judge(claim, measured) for claim in claims]
+    return [_evaluated(claim, measured) for claim in claims]
 
 
-def write(judged: Sequence[JudgedClaim], path: Path) -> None:
+def write(evaluated: Sequence[EvaluatedClaim], path: Path) -> None:
     """Write `claims.json`, one object a claim.
 
     Raises:
         InputError: the place cannot be written.
     """
     with os_errors_as(InputError, path, "name a writable folder"), whole_file(path) as stream:
-        stream.write(msgspec.json.format(msgspec.json.encode(judged), indent=2) + b"\n")
+        stream.write(msgspec.json.format(msgspec.json.encode(evaluated), indent=2) + b"\n")
 
 
-def table(judged: Sequence[JudgedClaim]) -> Table:
+def table(evaluated: Sequence[EvaluatedClaim]) -> Table:
     """Return a row for each claim with its result; columns without heading are for the file only."""
     columns = (
         Column("id", "claim"),
@@ -214,28 +214,28 @@ def table(judged: Sequence[JudgedClaim]) -> Table:
         Column("measured", "measured"),
         Column("why"),
     )
-    rows = [(j.id, j.place, j.statement, j.geometry, j.result, j.measured, j.why) for j in judged]
+    rows = [(e.id, e.where, e.statement, e.geometry, e.result, e.measured, e.why) for e in evaluated]
     return Table("What the paper says and what was measured", columns, list(rows))
 
 
-def summary(judged: Sequence[JudgedClaim]) -> Table:
+def summary(evaluated: Sequence[EvaluatedClaim]) -> Table:
     """Count the claims by geometry and result, with the share of those evaluated that agree."""
     columns = (
         Column("geometry", "geometry"),
         *(Column(result.replace(" ", "_").replace("-", "_"), result) for result in RESULTS),
         Column("agree_percent", "agree %", 0),
     )
-    rows = [(geometry, *_counts([j for j in judged if j.geometry == geometry])) for geometry in GEOMETRIES]
-    return Table("Claims by what the paper gives of the geometry", columns, [*rows, ("all", *_counts(judged))])
+    rows = [(geometry, *_counts([e for e in evaluated if e.geometry == geometry])) for geometry in GEOMETRIES]
+    return Table("Claims by what the paper gives of the geometry", columns, [*rows, ("all", *_counts(evaluated))])
 
 
-def _counts(judged: Sequence[JudgedClaim]) -> tuple[float | None, ...]:
-    counts = [sum(j.result == result for j in judged) for result in RESULTS]
-    evaluated = sum(counts[:3])
-    return (*counts, 100 * counts[0] / evaluated if evaluated else None)
+def _counts(claims: Sequence[EvaluatedClaim]) -> tuple[float | None, ...]:
+    counts = [sum(claim.result == result for claim in claims) for result in RESULTS]
+    evaluable = sum(counts[:3])
+    return (*counts, 100 * counts[0] / evaluable if evaluable else None)
 
 
-def _judge(claim: Claim, measured: Mapping[str, Quantity]) -> JudgedClaim:
+def _evaluated(claim: Claim, measured: Mapping[str, Quantity]) -> EvaluatedClaim:
     values = {c.key: _plain(measured[c.key]) for c in claim.criteria if c.key in measured}
     known = [c for c in claim.criteria if c.key in values]
     missing = [c.key for c in claim.criteria if c.key not in values]
@@ -247,16 +247,17 @@ def _judge(claim: Claim, measured: Mapping[str, Quantity]) -> JudgedClaim:
     else:
         result = "agrees" if all(holds) else "partly" if any(holds) else "differs"
     failed = [c for c in known if not all(c.holds(values[c.key]))]
-    return JudgedClaim(
+    return EvaluatedClaim(
         id=claim.id,
         statement=claim.statement,
-        place=claim.place,
+        where=claim.where,
         study=claim.study,
         geometry=claim.geometry,
         criterion="; ".join(f"{_label(c, len(claim.criteria))}{c.in_words()}" for c in claim.criteria),
         note=claim.note,
         measured="; ".join(
-            f"{_label(c, len(claim.criteria))}{c.value_in_words(values[c.key])}, asked: {c.in_words()}" for c in known
+            f"{_label(c, len(claim.criteria))}{c.value_in_words(values[c.key])}, required: {c.in_words()}"
+            for c in known
         ),
         values={key: _jsonable(value) for key, value in values.items()},
         result=result,
@@ -275,9 +276,9 @@ def _why(claim: Claim, result: ClaimResult, missing: Sequence[str], failed: Sequ
     if result == "not evaluated":
         return f"Not measured: {', '.join(missing)}"
     if result == "agrees":
-        return "As asked"
+        return "Meets its criteria"
     unmet = ", ".join(_quantity(condition.key) for condition in failed)
-    reasons = [f"Not as asked: {unmet}", claim.if_not, claim.found]
+    reasons = [f"Does not meet its criteria: {unmet}", claim.if_not, claim.found]
     if claim.geometry == "assumed":
         reasons.append("The shape is assumed, since the paper does not give it")
     return ". ".join(reason.strip().rstrip(".") for reason in reasons if reason)

@@ -16,7 +16,7 @@ from weld_force_ros.studies.figure_style import COLOURS
 from weld_force_ros.studies.passage_curves import (
     features,
     first_maximum,
-    hollow_after_maximum,
+    minimum_after_maximum,
     split_peaks,
     two_highest,
 )
@@ -75,15 +75,15 @@ def run(context: StudyContext) -> StudyResult:
 
 
 def impact_forces(context: StudyContext, weld: str, history: History, speed_kmh: float) -> ImpactForces | None:
-    """Return P1 and P2 of a passage as over a dipped joint, None if the weld is level or no peak follows its kink.
+    """Return P1 and P2 of a passage as over a dipped joint, None if the weld is level or no peak follows its angle.
 
-    The wheel arrives where the weld is bent upwards most, which is where a dipped joint has its angle.
+    The wheel arrives where the upward curvature is largest, which is where a dipped joint has its angle.
     """
     profile = context.weld(weld)
-    bend_per_m = CubicSpline(profile.x_m, profile.z_m)(profile.x_m, 2)
-    if not np.any(bend_per_m > 0):
+    curvature_per_m = CubicSpline(profile.x_m, profile.z_m)(profile.x_m, 2)
+    if not np.any(curvature_per_m > 0):
         return None
-    arrival_m = POSITION_M + profile.x_m[int(np.argmax(bend_per_m))]
+    arrival_m = POSITION_M + profile.x_m[int(np.argmax(curvature_per_m))]
     speed_m_s = speed_kmh / 3.6
     try:
         return p1_p2(history.x_m / speed_m_s, history.force_n, arrival_m / speed_m_s)
@@ -91,8 +91,8 @@ def impact_forces(context: StudyContext, weld: str, history: History, speed_kmh:
         return None
 
 
-def _places_m(impact: ImpactForces, speed_kmh: float) -> tuple[float, float]:
-    """Return where P1 and P2 act, m behind the weld's centre."""
+def _locations_m(impact: ImpactForces, speed_kmh: float) -> tuple[float, float]:
+    """Return where P1 and P2 act, m after the weld's centre."""
     return impact.p1_s * speed_kmh / 3.6 - POSITION_M, impact.p2_s * speed_kmh / 3.6 - POSITION_M
 
 
@@ -106,7 +106,7 @@ def _impact_table(impacts: dict[float, ImpactForces | None]) -> Table:
         if impact is None:
             rows.append((speed, None, None, None, None))
         else:
-            p1_m, p2_m = _places_m(impact, speed)
+            p1_m, p2_m = _locations_m(impact, speed)
             rows.append((speed, impact.p1_n, p1_m, impact.p2_n, p2_m))
     return Table("P1 and P2 of the passages, as over a dipped joint; x from the weld's centre", columns, rows)
 
@@ -135,18 +135,18 @@ def _draw(
         above.annotate(letter, (speed, at), xytext=(0, 6), textcoords="offset points", ha="center", weight="bold")
     above.margins(y=0.12)
     above.set(xlabel="speed, km/h", ylabel="peak force, kN")
-    cells: list[Any] = [figure.add_subplot(grid[1 + i // 3, i % 3]) for i in range(6)]
-    for axes, (letter, speed) in zip(cells, HISTORIES_KMH.items(), strict=False):
-        axes.sharey(cells[0])
+    panels: list[Any] = [figure.add_subplot(grid[1 + i // 3, i % 3]) for i in range(6)]
+    for axes, (letter, speed) in zip(panels, HISTORIES_KMH.items(), strict=False):
+        axes.sharey(panels[0])
         _draw_history(axes, histories[speed], context.track(BILBAO).wheel.static_load_n)
         _draw_impact(axes, impacts[speed], speed)
         axes.set_title(f"{letter}: {speed:g} km/h", fontsize=9)
-    for axes in (cells[0], cells[3]):
+    for axes in (panels[0], panels[3]):
         axes.set_ylabel("force, kN")
     profile = context.weld(weld)
-    cells[5].plot(np.array(profile.x_m) * 100, np.array(profile.z_m) * 1e6, color=_WELD)
-    cells[5].set_title("height of the weld, µm", fontsize=9)
-    for axes in cells:
+    panels[5].plot(np.array(profile.x_m) * 100, np.array(profile.z_m) * 1e6, color=_WELD)
+    panels[5].set_title("height of the weld, µm", fontsize=9)
+    for axes in panels:
         axes.set_xlim(_SHOWN_M[0] * 100, _SHOWN_M[1] * 100)
         axes.axvline(0, color="#666666", linewidth=0.6)
     figure.supxlabel("distance from the weld's centre, cm", fontsize=10)
@@ -161,7 +161,7 @@ def _draw_history(axes: Any, history: History, static_n: float) -> None:
 
 def _draw_impact(axes: Any, impact: ImpactForces | None, speed_kmh: float) -> None:
     if impact is not None:
-        p1_m, p2_m = _places_m(impact, speed_kmh)
+        p1_m, p2_m = _locations_m(impact, speed_kmh)
         axes.plot(p1_m * 100, impact.p1_n / 1e3, "^", color=_IMPACT, fillstyle="none", markersize=9)
         axes.plot(p2_m * 100, impact.p2_n / 1e3, "v", color=_IMPACT, markersize=5)
 
@@ -171,15 +171,15 @@ def _claim_quantities(
 ) -> Quantities:
     static_n = context.track(BILBAO).wheel.static_load_n
     maximum_kmh = first_maximum(curve)[0]
-    hollow = hollow_after_maximum(curve)
+    minimum = minimum_after_maximum(curve)
     at_maximum = int(np.argmin(np.abs(speeds - maximum_kmh))) if curve.maxima else 0
-    leading_m = float(peak_map.peak_x_m[at_maximum, 0]) if curve.maxima else np.nan
+    largest_m = float(peak_map.peak_x_m[at_maximum, 0]) if curve.maxima else np.nan
     largest = {speed: float(h.force_n.max()) for speed, h in histories.items()}
-    peaks = {speed: split_peaks(h, static_n, leading_m) for speed, h in histories.items()}
+    peaks = {speed: split_peaks(h, static_n, largest_m) for speed, h in histories.items()}
     pairs = {speed: two_highest(found) for speed, found in peaks.items()}
     return {
         "curve.first_maximum_kmh": maximum_kmh,
-        "curve.hollow_lowest_kmh": hollow.lowest_kmh if hollow else np.nan,
+        "curve.minimum_kmh": minimum.lowest_kmh if minimum else np.nan,
         "curve.rise_55_to_80kmh_n": largest[80] - largest[55],
         "curve.rise_80_to_150kmh_n": largest[150] - largest[80],
         "curve.peaks_55kmh": float(len(peaks[55])) if curve.maxima else np.nan,

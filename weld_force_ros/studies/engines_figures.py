@@ -9,7 +9,7 @@ import numpy as np
 from weld_force_ros.physics.arrays import ComplexArray
 from weld_force_ros.report.figures import BLUE, GREEN, GREY, ORANGE, RED, new_figure, save
 from weld_force_ros.studies.engines_study import FLATS, TARGETS, EnginesStudy, FlatCurve, PointReceptance
-from weld_force_ros.studies.fit_orders import PAPERS_SECOND_ANGLE_KMH, OrderEffect
+from weld_force_ros.studies.fit_orders import PAPERS_SECOND_KINK_KMH, OrderEffect
 from weld_force_ros.studies.peak_comparison import ComparedPassage, peak_difference
 
 if TYPE_CHECKING:
@@ -102,9 +102,9 @@ def flat_curves(curves: Sequence[FlatCurve]) -> "Figure":
 
 
 def error_by_order(effects: Sequence[OrderEffect]) -> "Figure":
-    """Draw fit error, difference in peak force and second sharp angle against the number of states."""
+    """Draw fit error, difference in peak force and second kink against the number of states."""
     figure = new_figure(12.6, 4.9)
-    fit, force, angle = figure.subplots(1, 3)
+    fit, force, kink = figure.subplots(1, 3)
     fitted = [e for e in effects if e.order is not None]
     for track in dict.fromkeys(e.track for e in fitted):
         own = [e for e in fitted if e.track == track]
@@ -114,18 +114,18 @@ def error_by_order(effects: Sequence[OrderEffect]) -> "Figure":
         if errors:
             force.plot(orders, [e.rms_percent for e in errors], "o-", color=colour, label=f"{track}: RMS")
             force.plot(orders, [e.max_percent for e in errors], "^:", color=colour, label=f"{track}: max")
-        seconds = [(e.order, e.sharp_angles_kmh[1]) for e in own if len(e.sharp_angles_kmh) > 1]
+        seconds = [(e.order, e.kinks_kmh[1]) for e in own if len(e.kinks_kmh) > 1]
         if seconds:
-            angle.plot(*zip(*seconds, strict=True), "o-", color=colour, label="common-poles")
+            kink.plot(*zip(*seconds, strict=True), "o-", color=colour, label="common-poles")
     for e in effects:
-        if e.order is None and len(e.sharp_angles_kmh) > 1:
-            angle.axhline(e.sharp_angles_kmh[1], color=_BLACK, linestyle="--", label="reference")
-    angle.axhline(PAPERS_SECOND_ANGLE_KMH, color=ORANGE, linestyle="-.", label="2018 paper")
-    angle.set_ylim(100, 140)
+        if e.order is None and len(e.kinks_kmh) > 1:
+            kink.axhline(e.kinks_kmh[1], color=_BLACK, linestyle="--", label="reference")
+    kink.axhline(PAPERS_SECOND_KINK_KMH, color=ORANGE, linestyle="-.", label="2018 paper")
+    kink.set_ylim(100, 140)
     for panel, title, label in (
-        (fit, "fit of the receptance", "error relative to what the contact sees, %"),
+        (fit, "fit of the receptance", "error relative to track, contact and wheel, %"),
         (force, "peak force against the reference", "difference, %"),
-        (angle, "48 mm cosine dip, continuous track", "second sharp angle, km/h"),
+        (kink, "48 mm cosine dip, continuous track", "second kink, km/h"),
     ):
         panel.set(title=title, ylabel=label, xlabel="order of common-poles (states)")
         panel.grid(color=_GRID, linewidth=0.6)
@@ -143,8 +143,8 @@ def hysteretic_receptance(points: Sequence[PointReceptance]) -> "Figure":
     figure = new_figure(5.4 * len(points), 8.6)
     axes = figure.subplots(3, len(points), sharex=True, sharey="row", squeeze=False, height_ratios=[3, 2, 2])
     for column, point in zip(axes.T, points, strict=True):
-        place = "over the sleeper" if point.at_m == 0.0 else f"{point.at_m * 100:.0f} cm after the sleeper"
-        column[0].set_title(f"{point.track}, {place}")
+        position = "over the sleeper" if point.at_m == 0.0 else f"{point.at_m * 100:.0f} cm after the sleeper"
+        column[0].set_title(f"{point.track}, {position}")
         _draw_receptance(column, point, "exact", point.exact, {"color": "#bbbbbb", "linewidth": 5})
         _draw_receptance(column, point, "exact, cut at the impulse", point.causal, {"color": _BLACK, "linestyle": "--"})
         for engine, values in point.engines.items():
@@ -153,7 +153,7 @@ def hysteretic_receptance(points: Sequence[PointReceptance]) -> "Figure":
     magnitude, phase, error = axes[:, 0]
     magnitude.set(ylabel="receptance, nm/N", xscale="log", yscale="log")
     phase.set(ylabel="phase, degrees", ylim=(-200, 20), yticks=range(-180, 1, 45))
-    error.set(ylabel="error relative to\nwhat the contact sees, %", yscale="log", ylim=(0.1, 100))
+    error.set(ylabel="error relative to track,\ncontact and wheel, %", yscale="log", ylim=(0.1, 100))
     for panel in axes[-1]:
         panel.set_xlabel("frequency, Hz")
         panel.xaxis.set_major_formatter("{x:g}")
@@ -175,5 +175,5 @@ def _draw_receptance(
     degrees[1:][np.abs(np.diff(degrees)) > 180] = np.nan
     phase.plot(point.frequency_hz, degrees, **style)
     if values is not point.exact:
-        seen = np.abs(values - point.exact) / np.abs(point.exact + point.contact)
-        error.plot(point.frequency_hz, 100 * seen, **style)
+        relative = np.abs(values - point.exact) / np.abs(point.exact + point.contact)
+        error.plot(point.frequency_hz, 100 * relative, **style)

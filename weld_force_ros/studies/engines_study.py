@@ -20,9 +20,9 @@ from weld_force_ros.simulation.settings import ENGINES, simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
 from weld_force_ros.studies import StartProgress, no_progress
 from weld_force_ros.studies.fit_orders import (
-    ANGLE_SPEEDS_KMH,
+    KINK_SPEEDS_KMH,
     ORDERS,
-    PAPERS_SECOND_ANGLE_KMH,
+    PAPERS_SECOND_KINK_KMH,
     OrderEffect,
     order_effects,
     order_table,
@@ -100,7 +100,7 @@ class FlatCurve:
 
 @dataclass(frozen=True)
 class PointReceptance:
-    """A hysteretic track's receptance at a place, m/N, each (n_frequency,).
+    """A hysteretic track's receptance at a position, m/N, each (n_frequency,).
 
     Attributes:
         track: its name.
@@ -177,7 +177,7 @@ def run(
         reference_peaks,
         start_progress,
         orders=_QUICK_ORDERS if quick else ORDERS,
-        speeds_kmh=ANGLE_SPEEDS_KMH[::8] if quick else ANGLE_SPEEDS_KMH,
+        speeds_kmh=KINK_SPEEDS_KMH[::8] if quick else KINK_SPEEDS_KMH,
     )
     outcomes = [_outcome(error) for error in grouped_differences(passages, "track", "engine").values()]
     tables = {
@@ -300,10 +300,10 @@ def _write_summary(study: EnginesStudy, grids: Sequence[ReferenceGrid], path: Pa
                 "fit_error_percent": effect.fit_error_percent,
                 "peak_rms_percent": effect.error.rms_percent if effect.error else None,
                 "peak_max_percent": effect.error.max_percent if effect.error else None,
-                "sharp_angles_kmh": effect.sharp_angles_kmh,
+                "kinks_kmh": effect.kinks_kmh,
             }
             for effect in study.orders
         ],
-        "paper_second_sharp_angle_kmh": PAPERS_SECOND_ANGLE_KMH,
+        "paper_second_kink_kmh": PAPERS_SECOND_KINK_KMH,
     }
     write_whole(path, msgspec.json.format(msgspec.json.encode(summary), indent=2) + b"\n")

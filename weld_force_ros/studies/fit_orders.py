@@ -1,7 +1,8 @@
-"""The effect of the order of `common-poles` on its fit, on peak forces and on sharp angles of the force-speed curve.
+"""The effect of the order of `common-poles` on its fit, on peak forces and on kinks of the force-speed curve.
 
-A sharp angle is where another peak of the force history takes over as the largest: the peak's place jumps by more than
-a tenth of the dip. The paper finds the second one of the 48 mm cosine dip, on the continuous track, at 112 km/h.
+A kink, the paper's sharp angle, is where another peak of the force history becomes the largest: the peak's location
+jumps by more than a tenth of the dip. The paper finds the second one of the 48 mm cosine dip, on the continuous track,
+at 112 km/h.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,11 +23,11 @@ from weld_force_ros.studies.reference_peaks import ReferencePeaks
 from weld_force_ros.studies.result_table import Cell, Column, Table
 
 ORDERS = (4, 6, 8, 10, 12, 14, 16)
-ANGLE_TRACK = "bilbao-continuous"
-ANGLE_SHAPE = "cosine-dip-48mm"
-ANGLE_LENGTH_M = 0.048
-ANGLE_SPEEDS_KMH = tuple(float(v) for v in range(60, 141))
-PAPERS_SECOND_ANGLE_KMH = 112.0
+KINK_TRACK = "bilbao-continuous"
+KINK_SHAPE = "cosine-dip-48mm"
+KINK_LENGTH_M = 0.048
+KINK_SPEEDS_KMH = tuple(float(v) for v in range(60, 141))
+PAPERS_SECOND_KINK_KMH = 112.0
 
 
 @dataclass(frozen=True)
@@ -35,15 +36,15 @@ class OrderEffect:
 
     Attributes:
         fit_error_percent: relative to what the contact sees, RMS over band and span.
-        error: of peak forces; None on the track of the sharp angles.
-        sharp_angles_kmh: on that track only.
+        error: of peak forces; None on the track of the kinks.
+        kinks_kmh: on that track only.
     """
 
     track: str
     order: int | None
     fit_error_percent: float | None
     error: PeakDifference | None
-    sharp_angles_kmh: list[float]
+    kinks_kmh: list[float]
 
 
 def order_effects(
@@ -52,16 +53,16 @@ def order_effects(
     start_progress: StartProgress,
     *,
     orders: Sequence[int] = ORDERS,
-    speeds_kmh: Sequence[float] = ANGLE_SPEEDS_KMH,
+    speeds_kmh: Sequence[float] = KINK_SPEEDS_KMH,
 ) -> list[OrderEffect]:
-    """Fit every track with every order and compare; the reference's sharp angles come last.
+    """Fit every track with every order and compare; the reference's kinks come last.
 
     Args:
         grids: passages with the reference's peak forces.
         reference_peaks: where the reference's results are stored.
         start_progress: starts the display of progress.
         orders: numbers of states.
-        speeds_kmh: where sharp angles are looked for.
+        speeds_kmh: at which kinks are looked for.
     """
     effects = []
     step = start_progress("orders of common-poles", len(orders) * (len(grids) + 1))
@@ -71,22 +72,22 @@ def order_effects(
             error = peak_difference(grid.compared(f"order {order}", VehicleTrackModel(model, grid.definition.wheel)))
             effects.append(OrderEffect(grid.grid.track, order, fit_error, error, []))
             step()
-    definition = track_file.load(ANGLE_TRACK)
-    dip = wheel_path(ANGLE_SHAPE, definition)
+    definition = track_file.load(KINK_TRACK)
+    dip = wheel_path(KINK_SHAPE, definition)
     for order in orders:
         model, fit_error = _fitted(definition, order)
-        places = VehicleTrackModel(model, definition.wheel).peak_map(dip, speeds_kmh, [0.0]).peak_x_m[:, 0]
-        effects.append(OrderEffect(ANGLE_TRACK, order, fit_error, None, sharp_angles(speeds_kmh, places)))
+        locations_m = VehicleTrackModel(model, definition.wheel).peak_map(dip, speeds_kmh, [0.0]).peak_x_m[:, 0]
+        effects.append(OrderEffect(KINK_TRACK, order, fit_error, None, kinks(speeds_kmh, locations_m)))
         step()
-    places = _reference_places(
-        definition, reference_peaks, speeds_kmh, start_progress("the reference's sharp angles", len(speeds_kmh))
+    locations_m = _reference_peak_locations(
+        definition, reference_peaks, speeds_kmh, start_progress("the reference's kinks", len(speeds_kmh))
     )
-    effects.append(OrderEffect(ANGLE_TRACK, None, None, None, sharp_angles(speeds_kmh, places)))
+    effects.append(OrderEffect(KINK_TRACK, None, None, None, kinks(speeds_kmh, locations_m)))
     return effects
 
 
-def sharp_angles(speeds_kmh: Sequence[float], peak_x_m: FloatArray, length_m: float = ANGLE_LENGTH_M) -> list[float]:
-    """Return the speeds, halfway between two given ones, at which the peak's place (n_speed,) jumps."""
+def kinks(speeds_kmh: Sequence[float], peak_x_m: FloatArray, length_m: float = KINK_LENGTH_M) -> list[float]:
+    """Return the speeds, halfway between two given ones, at which the peak's location (n_speed,) jumps."""
     speeds = np.asarray(speeds_kmh)
     jumps = np.abs(np.diff(peak_x_m)) > length_m / 10
     halfway: list[float] = ((speeds[:-1] + speeds[1:]) / 2)[jumps].tolist()
@@ -99,18 +100,18 @@ def _fitted(definition: TrackDefinition, order: int) -> tuple[PoleModel, float]:
         return model, 100 * relative_error(model, definition.track, definition.wheel.compliance)
 
 
-def _reference_places(
+def _reference_peak_locations(
     definition: TrackDefinition,
     reference_peaks: ReferencePeaks,
     speeds_kmh: Sequence[float],
     on_speed: Callable[[], object],
 ) -> FloatArray:
-    dip = wheel_path(ANGLE_SHAPE, definition)
-    places = []
+    dip = wheel_path(KINK_SHAPE, definition)
+    locations_m = []
     for speed in speeds_kmh:
-        places.append(reference_peaks.at_speed(definition, [dip], speed, np.zeros(1))[0, 1, 0])
+        locations_m.append(reference_peaks.at_speed(definition, [dip], speed, np.zeros(1))[0, 1, 0])
         on_speed()
-    return np.array(places)
+    return np.array(locations_m)
 
 
 def order_table(effects: Sequence[OrderEffect]) -> Table:
@@ -121,12 +122,12 @@ def order_table(effects: Sequence[OrderEffect]) -> Table:
         Column("fit_error_percent", "fit error %", 2),
         Column("peak_rms_percent", "peak RMS %", 2),
         Column("peak_max_percent", "peak max %", 2),
-        Column("first_sharp_angle_kmh", "1st sharp angle km/h", 1),
-        Column("second_sharp_angle_kmh", "2nd sharp angle km/h", 1),
+        Column("first_kink_kmh", "1st kink km/h", 1),
+        Column("second_kink_kmh", "2nd kink km/h", 1),
     )
     rows: list[tuple[Cell, ...]] = []
     for e in effects:
         peaks = (e.error.rms_percent, e.error.max_percent) if e.error else (None, None)
-        first, second = (*e.sharp_angles_kmh, None, None)[:2]
+        first, second = (*e.kinks_kmh, None, None)[:2]
         rows.append((e.track, "reference" if e.order is None else e.order, e.fit_error_percent, *peaks, first, second))
-    return Table("Order of common-poles; 48 mm cosine dip on the continuous track: sharp angles", columns, rows)
+    return Table("Order of common-poles; 48 mm cosine dip on the continuous track: kinks", columns, rows)

@@ -25,9 +25,9 @@ def run(context: StudyContext) -> StudyResult:
     table = Table(
         "Peak force by contact stiffness",
         (Column("weld", "weld"), Column("hertz_gn_per_m15", "GN/m^1.5", 1), Column("speed_kmh", "km/h", 0),
-         Column("peak_force_n", "N", 0), Column("peak_x_m", "m behind the weld's centre", 4)),
-        [(weld.label, stiffness, *row) for stiffness, row_of in zip(STIFFNESSES_GN_PER_M15, peak_maps, strict=True)
-         for weld, peak_map in zip(welds, row_of, strict=True)
+         Column("peak_force_n", "N", 0), Column("peak_x_m", "m after the weld's centre", 4)),
+        [(weld.label, stiffness, *row) for stiffness, of_welds in zip(STIFFNESSES_GN_PER_M15, peak_maps, strict=True)
+         for weld, peak_map in zip(welds, of_welds, strict=True)
          for row in as_rows(speeds, peak_map.peak_force_n, peak_map.peak_x_m)],
     )  # fmt: skip
     pictures = [_curves(welds, speeds, peak_maps), _changes(context, welds, speeds, peak_maps)]
@@ -91,7 +91,7 @@ def _claim_quantities(
         "hertz.shape_correlation": float(np.corrcoef(soft_dip[shown], stiff_dip[shown])[0, 1]),
         "hertz.shape_correlation_rise": float(np.corrcoef(soft_rise[shown], stiff_rise[shown])[0, 1]),
         "hertz.first_maximum_shift_kmh": stiff_kmh - soft_kmh,
-        "hertz.first_sharp_angle_shift_kmh": _first_angle(speeds, stiff[0]) - _first_angle(speeds, soft[0]),
+        "hertz.first_kink_shift_kmh": _first_kink(speeds, stiff[0]) - _first_kink(speeds, soft[0]),
     }
 
 
@@ -99,5 +99,5 @@ def _first_maximum(speeds: FloatArray, force: FloatArray) -> tuple[float, float]
     return passage_curves.first_maximum(passage_curves.features(speeds, force))
 
 
-def _first_angle(speeds: FloatArray, peak_map: PeakMap) -> float:
-    return [*passage_curves.angles_kmh(speeds, peak_map), float("nan")][0]
+def _first_kink(speeds: FloatArray, peak_map: PeakMap) -> float:
+    return [*passage_curves.kinks_kmh(speeds, peak_map), float("nan")][0]

@@ -1,7 +1,7 @@
 """Study `increment`: what a weld adds to the force on smooth rail (Fig. 22).
 
 The dynamic force is the peak less the static load; the increment is the largest excess over the force that the same
-wheel had at the same place on smooth rail.
+wheel had at the same location on smooth rail.
 """
 
 import os
@@ -43,7 +43,7 @@ class ForceExcess:
     Attributes:
         dynamic_n: peak force less the static load.
         increment_n: largest excess over smooth rail.
-        smooth_n: dynamic force on smooth rail at the peak's place.
+        smooth_n: dynamic force on smooth rail at the peak's location.
     """
 
     dynamic_n: FloatArray
@@ -60,16 +60,16 @@ def run(context: StudyContext) -> StudyResult:
         context.track(BILBAO).track.spacing_m,
     )
     excess = _excess(context, weld, speeds, positions)
-    hollows = [
+    surfaces = [
         surface_features(speeds, positions, force, span_m, tolerance=SIGNIFICANT)
         for force in (excess.dynamic_n, excess.increment_n)
     ]
     pictures = [
         Picture(
             "increment", f"Dynamic force and increment: {weld}",
-            "(a) Peak force less the static load. (b) Largest excess over the force on smooth rail at the same place. "
-            "Outlined and hatched: hollows, where a lower speed gave more.",
-            _draw(speeds, positions, excess, hollows, span_m),
+            "(a) Peak force less the static load. (b) Largest excess over the force on smooth rail at the same "
+            "location. Outlined and hatched: local minima, where a lower speed gave more.",
+            _draw(speeds, positions, excess, surfaces, span_m),
         ),
         Picture(
             "difference", f"Dynamic force less increment: {weld}",
@@ -84,7 +84,7 @@ def run(context: StudyContext) -> StudyResult:
     )  # fmt: skip
     rows = grid_rows(speeds, positions, excess.dynamic_n, excess.increment_n, excess.smooth_n)
     table = Table(f"Dynamic force and increment over {weld}", columns, rows)
-    measured = _claim_quantities(speeds, positions, excess, hollows, span_m) if context.uses_paper_inputs else {}
+    measured = _claim_quantities(speeds, positions, excess, surfaces, span_m) if context.uses_paper_inputs else {}
     return StudyResult("increment", "Increment over smooth rail", pictures, {"increment": table}, measured)
 
 
@@ -119,7 +119,7 @@ def _at_speed(
 
 
 def _draw(
-    speeds: FloatArray, positions: FloatArray, excess: ForceExcess, hollows: list[SurfaceFeatures], span_m: float
+    speeds: FloatArray, positions: FloatArray, excess: ForceExcess, surfaces: list[SurfaceFeatures], span_m: float
 ) -> "Figure":
     figure = new_figure(7.0, 6.2)
     grid = figure.add_gridspec(2, 2)
@@ -129,7 +129,7 @@ def _draw(
     maps: list[Any] = []
     image: Any = None
     titles = ("(a) dynamic force, kN", "(b) increment, kN")
-    for column, (force, shape, title) in enumerate(zip(forces, hollows, titles, strict=True)):
+    for column, (force, shape, title) in enumerate(zip(forces, surfaces, titles, strict=True)):
         solid: Any = figure.add_subplot(grid[0, column], projection="3d")
         draw_surface(solid, positions, speeds, force, span_m, **scale)
         solid.set_zlim(0, highest)
@@ -157,17 +157,17 @@ def _draw_difference(speeds: FloatArray, positions: FloatArray, excess: ForceExc
 
 
 def _claim_quantities(
-    speeds: FloatArray, positions: FloatArray, excess: ForceExcess, hollows: list[SurfaceFeatures], span_m: float
+    speeds: FloatArray, positions: FloatArray, excess: ForceExcess, surfaces: list[SurfaceFeatures], span_m: float
 ) -> Quantities:
     dynamic, increment = excess.dynamic_n, excess.increment_n
-    cells = [int(shape.hollow.sum()) for shape in hollows]
+    cells = [int(shape.hollow.sum()) for shape in surfaces]
     near = within(positions, 0.15, 0.35)
     curves = [features(speeds, force) for force in increment[:, near].T]
-    has_hollow = [any(120 <= hollow.lowest_kmh <= 200 for hollow in curve.hollows) for curve in curves]
+    has_minimum = [any(120 <= minimum.lowest_kmh <= 200 for minimum in curve.hollows) for curve in curves]
     above = dynamic > increment
     return {
-        "increment.hollow_cells_ratio": cells[1] / cells[0] if cells[0] else np.nan,
-        "increment.hollow_share_120_200kmh_15_35cm": float(np.mean(has_hollow)),
+        "increment.minimum_cells_ratio": cells[1] / cells[0] if cells[0] else np.nan,
+        "increment.minimum_share_120_200kmh_15_35cm": float(np.mean(has_minimum)),
         "increment.spread_ratio": _spread(increment) / _spread(dynamic),
         "increment.roughness_ratio": _roughness(increment) / _roughness(dynamic),
         "increment.sleeper_distance_highest_m": _sleeper_distance_of_highest(positions, increment, span_m),

@@ -1,4 +1,4 @@
-"""Study `length`: a dip twice as long gives its greatest force at twice the speed (Fig. 23)."""
+"""Study `length`: a dip twice as long has its first maximum of force at twice the speed (Fig. 23)."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from weld_force_ros.studies.study_context import CONTINUOUS, Picture, Quantities
 from weld_force_ros.studies.variants import Variant
 
 _SPLITTING_KMH = (53.0, 74.0, 100.0, 124.0)
-_ANGLE_KMH = 74.0
+_KINK_KMH = 74.0
 _LENGTHS_MM = (48, 96)
 _SHAPE_KMH = np.arange(20.0, 151.0)
 _BEHIND_M = 0.2
@@ -32,7 +32,7 @@ def run(context: StudyContext) -> StudyResult:
     table = Table(
         "Peak force over both lengths",
         (Column("weld", "weld"), Column("speed_kmh", "km/h", 0), Column("peak_force_n", "N", 0),
-         Column("peak_x_m", "m behind the weld's centre", 4)), rows,
+         Column("peak_x_m", "m after the weld's centre", 4)), rows,
     )  # fmt: skip
     pictures = [
         _curves(welds, speeds, peak_maps),
@@ -56,18 +56,18 @@ def _curves(welds: list[Variant], speeds: FloatArray, peak_maps: list[PeakMap]) 
         below.plot(speeds, peak_map.peak_x_m[:, 0] * 1e3, ".", markersize=3, color=colour)
         maxima = _features(speeds, peak_map).maxima[:1]
         above.plot([m.speed_kmh for m in maxima], [m.force_n / 1e3 for m in maxima], "o", color=colour)
-        angles = passage_curves.angles_kmh(speeds, peak_map)
-        above.plot(angles, np.interp(angles, speeds, force), "v", color=colour, fillstyle="none", markersize=8)
+        kinks = passage_curves.kinks_kmh(speeds, peak_map)
+        above.plot(kinks, np.interp(kinks, speeds, force), "v", color=colour, fillstyle="none", markersize=8)
     above.plot([], [], "o", color=GREY, label="first maximum")
-    above.plot([], [], "v", color=GREY, fillstyle="none", markersize=8, label="sharp angle")
+    above.plot([], [], "v", color=GREY, fillstyle="none", markersize=8, label="kink")
     above.set(ylabel="peak force, kN")
-    below.set(xlabel="speed, km/h", ylabel="peak behind centre, mm")
+    below.set(xlabel="speed, km/h", ylabel="peak after centre, mm")
     legend_above(figure, 2)
     return Picture(
         "length-curves", "Peak force over a weld and one twice as long",
         "Above: over a dip, the paper says, the force rises to a first maximum (dot), falls, and rises again, and over "
-        "one twice as long it does so at twice the speed. Below: where the peak lies. It jumps at the sharp angles "
-        "(triangles), where another peak takes the lead.",
+        "one twice as long it does so at twice the speed. Below: the location of the peak. It jumps at the kinks "
+        "(triangles), where another peak becomes the largest.",
         figure,
     )  # fmt: skip
 
@@ -102,40 +102,40 @@ def _splitting(weld: Variant, histories: list[History]) -> Picture:
     panels[0].plot(histories[0].x_m * 1e3, histories[0].irregularity_m * 1e6, color=GREY)
     panels[0].set(ylabel="wheel\npath, μm", xlim=(shown_m[0] * 1e3, shown_m[1] * 1e3))
     figure.supylabel("contact force, kN", fontsize="medium")
-    panels[-1].set(xlabel="distance behind the weld's centre, mm")
+    panels[-1].set(xlabel="distance after the weld's centre, mm")
     return Picture(
-        "length-parting", f"How the peak splits: {weld.label}",
-        "The force while the wheel rolls over the weld (top: the wheel centre's path). With speed the peak splits into "
+        "length-splitting", f"How the peak splits: {weld.label}",
+        "The force during the passage of the wheel (top: path of its centre). With speed the peak splits into "
         "one that stays with the weld and one that moves in the running direction.", figure,
     )  # fmt: skip
 
 
 def _claim_quantities(context: StudyContext, speeds: FloatArray, peak_maps: list[PeakMap]) -> Quantities:
     features = [_features(speeds, peak_map) for peak_map in peak_maps]
-    angles = [[*passage_curves.angles_kmh(speeds, peak_map), np.nan, np.nan] for peak_map in peak_maps]
+    kinks = [[*passage_curves.kinks_kmh(speeds, peak_map), np.nan, np.nan] for peak_map in peak_maps]
     maxima_kmh = [passage_curves.first_maximum(feature)[0] for feature in features]
-    hollows = [passage_curves.hollow_after_maximum(feature) for feature in features]
+    minima = [passage_curves.minimum_after_maximum(feature) for feature in features]
     short, long = (peak_map.peak_force_n[:, 0] for peak_map in peak_maps)
     stretched = np.interp(2 * _SHAPE_KMH, speeds, long)
     measured: Quantities = {
         "length.first_maximum_ratio": float(maxima_kmh[1] / maxima_kmh[0]),
-        "length.fall_after_maximum_n": [hollow.depth_n if hollow else np.nan for hollow in hollows],
+        "length.fall_after_maximum_n": [minimum.depth_n if minimum else np.nan for minimum in minima],
         "length.shape_correlation": float(np.corrcoef(np.interp(_SHAPE_KMH, speeds, short), stretched)[0, 1]),
     }
-    for length_mm, maximum_kmh, crossed in zip(_LENGTHS_MM, maxima_kmh, angles, strict=True):
+    for length_mm, maximum_kmh, (first_kmh, second_kmh, *_) in zip(_LENGTHS_MM, maxima_kmh, kinks, strict=True):
         measured[f"length.first_maximum_{length_mm}mm_kmh"] = float(maximum_kmh)
-        measured[f"length.first_sharp_angle_{length_mm}mm_kmh"] = float(crossed[0])
-        measured[f"length.second_sharp_angle_{length_mm}mm_kmh"] = float(crossed[1])
-    return measured | _peaks_at_the_angle(context, passage_records.place_at(speeds, peak_maps[0], maxima_kmh[0]))
+        measured[f"length.first_kink_{length_mm}mm_kmh"] = float(first_kmh)
+        measured[f"length.second_kink_{length_mm}mm_kmh"] = float(second_kmh)
+    return measured | _peaks_at_the_kink(context, passage_records.peak_location_at(speeds, peak_maps[0], maxima_kmh[0]))
 
 
-def _peaks_at_the_angle(context: StudyContext, leading_m: float) -> Quantities:
+def _peaks_at_the_kink(context: StudyContext, largest_m: float) -> Quantities:
     vehicle_track = context.vehicle_track(CONTINUOUS)
-    history = vehicle_track.history(variants.by_length(context)[0].wheel_path, _ANGLE_KMH, 0.0)
+    history = vehicle_track.history(variants.by_length(context)[0].wheel_path, _KINK_KMH, 0.0)
     first, second = passage_curves.two_highest(
-        passage_curves.split_peaks(history, vehicle_track.wheel.static_load_n, leading_m)
+        passage_curves.split_peaks(history, vehicle_track.wheel.static_load_n, largest_m)
     )
     return {
-        "length.first_peak_place_74kmh_mm": first.x_m * 1e3,
+        "length.first_peak_location_74kmh_mm": first.x_m * 1e3,
         "length.peak_separation_74kmh_mm": (second.x_m - first.x_m) * 1e3,
     }

@@ -13,7 +13,7 @@ from weld_force_ros.studies.weld_map import WeldMap
 
 
 def picture(weld: WeldMap) -> Picture:
-    """Draw one weld's forces as a 3D surface and a map, hollows outlined."""
+    """Draw one weld's forces as a 3D surface and a map, local minima over speed outlined."""
     figure = new_figure(7.0, 3.5)
     grid = figure.add_gridspec(1, 2)
     solid: Any = figure.add_subplot(grid[0], projection="3d")
@@ -26,7 +26,7 @@ def picture(weld: WeldMap) -> Picture:
     figure.colorbar(image, ax=flat, label="peak force, kN")
     caption = (
         f"Peak force over {weld.name} against speed and the weld's position between two sleepers (dashed). Hatched: "
-        f"hollows, where a lower speed gave more; {weld.shape.hollow_share:.0%} of the positions have one."
+        f"local minima, where a lower speed gave more; {weld.shape.hollow_share:.0%} of the positions have one."
     )
     return Picture(weld.file_name, weld.name, caption, figure)
 
@@ -62,5 +62,5 @@ def outline(axes: Any, positions_m: FloatArray, speeds_kmh: FloatArray, mask: ND
 
 def name_sleepers(axes: Any, span_m: float) -> None:
     """Name the sleepers above a map's left and right edge."""
-    for place_cm, side in ((0.0, "left"), (span_m * 100, "right")):
-        axes.text(place_cm, 1.01, "sleeper", transform=axes.get_xaxis_transform(), ha=side, fontsize=8)
+    for sleeper_cm, side in ((0.0, "left"), (span_m * 100, "right")):
+        axes.text(sleeper_cm, 1.01, "sleeper", transform=axes.get_xaxis_transform(), ha=side, fontsize=8)

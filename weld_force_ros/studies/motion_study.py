@@ -45,7 +45,7 @@ class Motion:
         force_n: contact force.
         wheel_m: displacement, positive up, less that over smooth rail.
         surface_m: the same of the rail's surface under the wheel: rail displacement and the weld's height.
-        height_m: of the weld, as the wheel's centre sees it.
+        height_m: of the wheel centre's path over the weld.
     """
 
     x_m: FloatArray
@@ -66,7 +66,7 @@ class Motion:
 
     @property
     def peak_x_m(self) -> float:
-        """Return the place of the largest force."""
+        """Return the location of the largest force, m."""
         return float(self.x_m[np.argmax(self.force_n)])
 
 
@@ -84,10 +84,10 @@ def run(context: StudyContext) -> StudyResult:
     ]  # fmt: skip
     measured: Quantities = {}
     if context.own_weld is None:
-        fifth = moving(context, WELDS[4], _WELD_5_SPEED_KMH, _WELD_5_POSITION_M)
-        pictures.append(_fifth_picture(context, fifth))
+        over_weld_5 = moving(context, WELDS[4], _WELD_5_SPEED_KMH, _WELD_5_POSITION_M)
+        pictures.append(_weld_5_picture(context, over_weld_5))
         if context.uses_paper_inputs:
-            measured = _claim_quantities(context, motions) | _measured_fifth(context, fifth)
+            measured = _claim_quantities(context, motions) | _weld_5_quantities(context, over_weld_5)
     columns = (
         Column("speed_kmh", "km/h", 0), Column("x_m", "m", 4), Column("force_n", "N", 0),
         Column("wheel_less_smooth_m", "wheel m", 6), Column("rail_surface_less_smooth_m", "rail surface m", 6),
@@ -101,7 +101,7 @@ def run(context: StudyContext) -> StudyResult:
 
 
 def moving(context: StudyContext, weld: str, speed_kmh: float, position_m: float) -> Motion:
-    """Simulate one passage, from 60 cm before the weld's centre to 60 cm behind it."""
+    """Simulate one passage, from 60 cm before the weld's centre to 60 cm after it."""
     history: History = context.history(weld, BILBAO, speed_kmh, position_m)
     smooth = SmoothRailPassage(context, BILBAO, speed_kmh)
     return Motion(
@@ -139,12 +139,12 @@ def _draw(context: StudyContext, motions: dict[float, Motion]) -> "Figure":
 def _draw_force(axes: "Axes", motion: Motion, position_m: float) -> None:
     x_cm = (motion.x_m + position_m) * 100
     axes.plot(x_cm, motion.force_n / 1e3, color=COLOURS[2])
-    behind = axes.twinx()
-    behind.plot(x_cm, motion.height_m * 1e6, color=_GEOMETRY, linewidth=0.9, linestyle=":")
-    behind.set_yticks([])
+    height_axes = axes.twinx()
+    height_axes.plot(x_cm, motion.height_m * 1e6, color=_GEOMETRY, linewidth=0.9, linestyle=":")
+    height_axes.set_yticks([])
 
 
-def _fifth_picture(context: StudyContext, motion: Motion) -> Picture:
+def _weld_5_picture(context: StudyContext, motion: Motion) -> Picture:
     figure, span_m = new_figure(7.0, 3.2), context.track(BILBAO).track.spacing_m
     axes = figure.subplots()
     _draw_force(axes, motion, _WELD_5_POSITION_M)
@@ -166,8 +166,8 @@ def _claim_quantities(context: StudyContext, motions: dict[float, Motion]) -> Qu
     rail = [-float(weld.surface_m.min()) / depth_m for weld in welds]
     slope = CubicSpline(profile.x_m, profile.z_m).derivative()
     peak_m = motions[55].peak_x_m
-    behind = motions[170].on(-0.100, 0.200)
-    lowest_m = float(behind.x_m[np.argmin(behind.surface_m)])
+    near = motions[170].on(-0.100, 0.200)
+    lowest_m = float(near.x_m[np.argmin(near.surface_m)])
     rise = motions[170].on(lowest_m, lowest_m + 0.100)
     return {
         "motion.dynamic_share_20kmh": (float(motions[20].force_n.max()) - static_n) / static_n,
@@ -186,17 +186,17 @@ def _claim_quantities(context: StudyContext, motions: dict[float, Motion]) -> Qu
 
 
 def _nearest_inflection(slope: CubicSpline, x_m: float) -> float:
-    """Return the nearest place where curvature changes its sign while the height rises; NaN if there is none."""
-    places = np.asarray(slope.derivative().roots(extrapolate=False))
-    rising = places[slope(places) > 0]
+    """Return the nearest location, m, at which the curvature changes sign while the height rises; NaN without one."""
+    roots_m = np.asarray(slope.derivative().roots(extrapolate=False))
+    rising = roots_m[slope(roots_m) > 0]
     return float(rising[np.argmin(np.abs(rising - x_m))]) if len(rising) else np.nan
 
 
-def _measured_fifth(context: StudyContext, motion: Motion) -> Quantities:
+def _weld_5_quantities(context: StudyContext, motion: Motion) -> Quantities:
     static_n = context.track(BILBAO).wheel.static_load_n
     ramp, central = (motion.on(a - _HALF_WELD_M, b - _HALF_WELD_M) for a, b in (_RAMP_M, _CENTRAL_M))
     first, second = float(ramp.force_n.max()) - static_n, float(central.force_n.max()) - static_n
     return {
-        "motion.weld_5_least_after_ramp_n": float(motion.on(ramp.peak_x_m, 0.0).force_n.min()),
+        "motion.weld_5_minimum_after_ramp_n": float(motion.on(ramp.peak_x_m, 0.0).force_n.min()),
         "motion.weld_5_second_over_first": second / first,
     }

@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 
 from weld_force_ros.studies import StartProgress, claims, gallery, no_progress
+from weld_force_ros.studies.claims import EvaluatedClaim
 from weld_force_ros.studies.gallery import RenderedStudy
 from weld_force_ros.studies.study_context import Quantities, StudyContext, StudyResult
 
@@ -18,12 +19,12 @@ STUDIES = (
     "validation", "map", "curve", "motion", "smooth", "increment", "length", "hertz", "spectrum", "bands", "population",
 )  # fmt: skip
 TITLE = "Forces over rail welds, study by study"
-COARSE = " On a coarse grid (--quick): a third of the speeds and positions, which settles no claim."
+COARSE = " On a coarse grid (--quick): a third of the speeds and positions, which decides no claim."
 _INTRODUCTION = (
     "The studies of the 2018 paper on wheel-rail forces over welds, computed by this software. Exact geometry: cosine "
     "dips, wheel flats, smooth rail. The five welds are modelled after the paper's text, which does not give their "
-    "samples; what depends on them is marked. The claims at the end were given their criteria before their study was "
-    "run; where a measurement was defined anew since, the claim's note says so (claims.json)."
+    "samples; what depends on them is marked. The criteria of the claims at the end were fixed before their study was "
+    "run; where a measurement was redefined since, the claim's note says so (claims.json)."
 )
 
 
@@ -33,7 +34,7 @@ class StudyRun:
 
     rendered: list[RenderedStudy]
     measured: Quantities
-    judged: list[claims.JudgedClaim]
+    claims: list[EvaluatedClaim]
 
 
 def run_study(name: str, context: StudyContext) -> StudyResult:
@@ -57,7 +58,7 @@ def run_one(name: str, context: StudyContext, out: Path) -> StudyRun:
 def run_all(
     context: StudyContext, out: Path, *, names: Sequence[str] = STUDIES, start_progress: StartProgress = no_progress
 ) -> StudyRun:
-    """Run all studies, then judge the claims and write `claims.json` and `gallery.html`.
+    """Run all studies, then evaluate the claims and write `claims.json` and `gallery.html`.
 
     Drawing takes longer than computing: two processes share the studies.
 
@@ -78,11 +79,11 @@ def run_all(
             pool.shutdown(cancel_futures=True)
             raise
     measured: Quantities = {key: value for part in parts for key, value in part.measured.items()}
-    judged = claims.evaluate(claims.load(), measured)
-    claims.write(judged, out / "claims.json")
+    evaluated = claims.evaluate(claims.load(), measured)
+    claims.write(evaluated, out / "claims.json")
     rendered = [one for part in parts for one in part.rendered]
     gallery.write_page(
         out / "gallery.html", rendered, title=TITLE, introduction=_INTRODUCTION + (COARSE if context.coarse else ""),
-        claims=msgspec.to_builtins(judged), counts=claims.summary(judged),
+        claims=msgspec.to_builtins(evaluated), counts=claims.summary(evaluated),
     )  # fmt: skip
-    return StudyRun(rendered, measured, judged)
+    return StudyRun(rendered, measured, evaluated)

@@ -11,7 +11,7 @@ from weld_force_ros.physics.passage.passage import History, VehicleTrackModel
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, WheelPath
 
-MARGIN_M = 6.0  # the wheelset on the track has come to rest within it, and the taper's ends lie in it
+MARGIN_M = 6.0  # the wheelset on the track has come to rest within it, and both ends of the taper lie in it
 CLEAR = 0.01  # of the largest amplitude: how far a spectral peak stands out
 
 
@@ -54,8 +54,8 @@ def first_two_hz(peaks: list[SpectralPeak]) -> tuple[float, float]:
     return first, second
 
 
-def place_at(speeds_kmh: FloatArray, peak_map: PeakMap, speed_kmh: float) -> float:
-    """Return where the force peaks at the computed speed nearest to another, at the peak map's first position."""
+def peak_location_at(speeds_kmh: FloatArray, peak_map: PeakMap, speed_kmh: float) -> float:
+    """Return the peak's location, m, at the computed speed nearest to another, at the peak map's first position."""
     if not np.isfinite(speed_kmh):
         return float("nan")
     return float(peak_map.peak_x_m[np.argmin(np.abs(speeds_kmh - speed_kmh)), 0])

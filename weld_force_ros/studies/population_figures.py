@@ -14,9 +14,9 @@ from weld_force_ros.studies.simulated_population import (
     CurveShape,
     InvertedDips,
     SimulatedWeld,
+    count_falling,
     curves_of,
     ratios_by_frequency,
-    with_hollow,
 )
 
 if TYPE_CHECKING:
@@ -46,19 +46,19 @@ def examples(simulated_welds: list[SimulatedWeld]) -> "Figure":
     return figure
 
 
-def hollow_shares(simulated_welds: list[SimulatedWeld], without: list[SimulatedWeld]) -> "Figure":
-    """Draw the share of curves with a hollow, by class and gradient, and of welds without short waves."""
+def falling_shares(simulated_welds: list[SimulatedWeld], without: list[SimulatedWeld]) -> "Figure":
+    """Draw the share of curves with a local minimum, by class and gradient, and of welds without short waves."""
     figure = new_figure(7.0, 3.8)
     axes = figure.subplots()
     welds = [(simulated_welds, 0), (simulated_welds, 1), (simulated_welds, 2), (simulated_welds, None), (without, None)]
     for index, (kind, name) in enumerate(zip(KINDS, _NAMES, strict=True)):
         groups = [curves_of(group, kind, third) for group, third in welds]
-        shares = [100 * with_hollow(curves) / max(len(curves), 1) for curves in groups]
+        shares = [100 * count_falling(curves) / max(len(curves), 1) for curves in groups]
         bars = axes.bar(np.arange(len(groups)) + 0.4 * index - 0.2, shares, 0.38, color=COLOURS[index], label=name)
-        axes.bar_label(bars, [f"{with_hollow(curves)}\nof {len(curves)}" for curves in groups], fontsize=8, padding=2)
+        axes.bar_label(bars, [f"{count_falling(curves)}\nof {len(curves)}" for curves in groups], fontsize=8, padding=2)
     names = (*(third.replace(" ", "\n") for third in THIRDS), "all\nwelds", "all, without\nshort waves")
     axes.set_xticks(range(len(names)), names)
-    axes.set(ylabel="curves with a hollow, %", ylim=(0, 118), yticks=range(0, 101, 20))
+    axes.set(ylabel="curves with a local minimum, %", ylim=(0, 118), yticks=range(0, 101, 20))
     legend_above(figure, 2)
     return figure
 

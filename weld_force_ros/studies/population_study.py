@@ -1,4 +1,4 @@
-"""Study `population`: does a weld's geometry tell how its force grows with speed?
+"""Study `population`: does a weld's geometry predict how its force grows with speed?
 
 After sections 4, 7 and 8 of the paper. Hundreds of synthetic welds (`measurement.synthetic_welds`) are simulated and
 sorted by their geometry alone, and the classes compared with how their force grows. Each weld with a dip is also
@@ -20,6 +20,7 @@ from weld_force_ros.studies.simulated_population import (
     CurveShape,
     InvertedDips,
     SimulatedWeld,
+    count_falling,
     curve_shape,
     curves_of,
     invert_dips,
@@ -27,7 +28,6 @@ from weld_force_ros.studies.simulated_population import (
     parametric_share,
     ratio_quartiles,
     simulate_welds,
-    with_hollow,
 )
 from weld_force_ros.studies.study_context import BILBAO, Picture, Quantities, StudyContext, StudyResult, as_rows
 
@@ -44,14 +44,14 @@ def run(context: StudyContext) -> StudyResult:
     pictures = [
         Picture(
             "population-profiles", "Synthetic welds",
-            "The first three welds of each class, and of those with the least gradients. How a weld was made does "
-            "not count: its geometry decides.", figures.examples(simulated_welds),
+            "The first three welds of each class, and of those with the least gradients. The class "
+            "follows from the geometry, not from how a weld was made.", figures.examples(simulated_welds),
         ),
         Picture(
-            "population-hollows", "Does the force fall with speed?",
-            "Share of force-speed curves with a hollow, by class and by the steepness of the weld's gradients; numbers "
-            "are curves with a hollow of all curves. Right: the same welds without their short waves, classified anew.",
-            figures.hollow_shares(simulated_welds, without),
+            "population-falling", "Does the force fall with speed?",
+            "Share of force-speed curves with a local minimum, by class and by the steepness of the weld's gradients; "
+            "numbers are those curves of all curves. Right: the same welds without their short waves, classified anew.",
+            figures.falling_shares(simulated_welds, without),
         ),
         Picture(
             "population-linearity", "How straight is the curve?",
@@ -86,8 +86,8 @@ def _own_curves(context: StudyContext, speeds: FloatArray) -> list[CurveShape]:
 def _classes(simulated_welds: list[SimulatedWeld], without: list[SimulatedWeld]) -> Table:
     columns = (
         Column("class", "class"), Column("welds", "welds"), Column("curves", "curves"),
-        Column("monotonic", "monotonic"), Column("with_hollow", "with a hollow"),
-        Column("share_with_hollow", "share", 3), Column("median_deepest_fall", "median fall", 3),
+        Column("monotonic", "monotonic"), Column("falling", "with a local minimum"),
+        Column("share_falling", "share", 3), Column("median_deepest_fall", "median fall", 3),
         Column("median_linearity_r2", "median R²", 3),
     )  # fmt: skip
     groups = [("all", simulated_welds, None), *((name, simulated_welds, third) for third, name in enumerate(THIRDS))]
@@ -100,11 +100,11 @@ def _classes(simulated_welds: list[SimulatedWeld], without: list[SimulatedWeld])
 
 
 def _class_row(kind: str, group: str, curves: list[CurveShape]) -> tuple[Cell, ...]:
-    count, fallen = len(curves), with_hollow(curves)
+    count, falling = len(curves), count_falling(curves)
     if not curves:
         return kind, group, 0, 0, 0, None, None, None
     fall = float(np.median([curve.fall for curve in curves]))
-    return kind, group, count, count - fallen, fallen, fallen / count, fall, median_linearity(curves)
+    return kind, group, count, count - falling, falling, falling / count, fall, median_linearity(curves)
 
 
 def _welds(simulated_welds: list[SimulatedWeld]) -> Table:
@@ -144,8 +144,8 @@ def _claim_quantities(
 ) -> Quantities:
     dips, protrusions = (curves_of(simulated_welds, kind) for kind in KINDS)
     return {
-        "population.non_monotonic_share_dips": with_hollow(dips) / max(len(dips), 1),
-        "population.non_monotonic_share_protrusions": with_hollow(protrusions) / max(len(protrusions), 1),
+        "population.non_monotonic_share_dips": count_falling(dips) / max(len(dips), 1),
+        "population.non_monotonic_share_protrusions": count_falling(protrusions) / max(len(protrusions), 1),
         "population.linearity_dips": median_linearity(dips),
         "population.linearity_protrusions": median_linearity(protrusions),
         "population.dip_below_protrusion_share": float(np.mean(pairs.dip_n < pairs.rise_n)),

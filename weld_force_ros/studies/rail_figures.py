@@ -17,7 +17,7 @@ from weld_force_ros.studies.study_context import Picture
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_STYLES = {"beam": ("beam", RED, "--"), "strip": ("finite strips", BLUE, "-")}
+_STYLES = {"beam": ("beam", RED, "--"), "waveguide": ("2.5-D finite elements", BLUE, "-")}
 _LARGEST_M = 0.012  # of a shape as it is drawn
 _COLUMNS = 4
 
@@ -38,17 +38,17 @@ class RailForces:
     weld: str
     speeds_kmh: FloatArray
     beam: PeakMap
-    strip: PeakMap
+    waveguide: PeakMap
 
     @property
     def difference(self) -> FloatArray:
-        """Return the strips' peak force relative to the beam's, less 1."""
-        return np.asarray(self.strip.peak_force_n / self.beam.peak_force_n - 1)
+        """Return the finite elements' peak force relative to the beam's, less 1."""
+        return np.asarray(self.waveguide.peak_force_n / self.beam.peak_force_n - 1)
 
     @property
     def worst(self) -> tuple[FloatArray, FloatArray]:
-        """Return the worst position's force at each speed, of beam and strips."""
-        return self.beam.peak_force_n.max(axis=1), self.strip.peak_force_n.max(axis=1)
+        """Return the worst position's force at each speed, of beam and finite elements."""
+        return self.beam.peak_force_n.max(axis=1), self.waveguide.peak_force_n.max(axis=1)
 
 
 def dispersion(frequency_hz: FloatArray, waves: dict[str, FloatArray]) -> Picture:
@@ -64,8 +64,8 @@ def dispersion(frequency_hz: FloatArray, waves: dict[str, FloatArray]) -> Pictur
     axes.legend(frameon=False, loc="upper left")
     return Picture(
         "rail-dispersion", "Waves along the free rail",
-        "The beam has one wave that travels, bending. Strips have extension as well (the lowest line), and at a few "
-        "kilohertz waves in which the section itself deforms begin.", figure,
+        "The beam has one travelling wave, bending. The finite elements have extension as well (the lowest line) and, "
+        "from a few kilohertz on, waves that deform the cross-section.", figure,
     )  # fmt: skip
 
 
@@ -83,8 +83,8 @@ def receptances(frequency_hz: FloatArray, at_m: FloatArray, found: dict[str, Com
     legend_above(figure, 2, panels[0])
     return Picture(
         "rail-receptances", "Receptances of the track",
-        "The beam is enough as long as the lines are one. Near the pinned-pinned resonance, about 1 kHz, a small shift "
-        "of frequency makes a large difference.", figure,
+        "The beam is enough as long as the lines coincide. Near the pinned-pinned resonance, about 1 kHz, a small "
+        "shift of frequency makes a large difference.", figure,
     )  # fmt: skip
 
 
@@ -92,14 +92,14 @@ def differences(frequency_hz: FloatArray, at_m: FloatArray, found: dict[str, Com
     """Draw the relative difference of the receptances."""
     figure = new_figure(7.0, 3.8)
     axes = figure.subplots()
-    apart = np.abs(found["strip"] / found["beam"] - 1) * 100
-    for row, x, colour in zip(apart, at_m.tolist(), COLOURS, strict=False):
+    difference = np.abs(found["waveguide"] / found["beam"] - 1) * 100
+    for row, x, colour in zip(difference, at_m.tolist(), COLOURS, strict=False):
         axes.plot(frequency_hz, row, color=colour, label=f"{x * 100:.0f} cm after the sleeper")
     axes.axhline(5, color=GREY, linestyle=":", linewidth=1)
     axes.set(yscale="log", ylabel="difference of receptance, %", ylim=(0.1, 500))
     _over_frequency(axes, frequency_hz)
     axes.legend(frameon=False, loc="upper left")
-    return Picture("rail-differences", "Where beam and strips differ", "Dotted: five per cent.", figure)
+    return Picture("rail-differences", "Where beam and finite elements differ", "Dotted: five per cent.", figure)
 
 
 def peak_forces(forces: Sequence[RailForces]) -> Picture:
@@ -134,8 +134,8 @@ def wave_shapes(shapes: Sequence[Shape]) -> Picture:
     for axes, shape in zip(panels, shapes, strict=False):
         _draw_shape(axes, shape)
     return Picture(
-        "rail-waves", "Waves of the section",
-        "Grey: at rest. Displacements in the section, greatly enlarged; how much is along the rail is said above each.",
+        "rail-waves", "Waves of the cross-section",
+        "Grey: at rest. Displacements in its plane, greatly enlarged; above each its share along the rail.",
         figure,
     )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Study `rail`: a beam and finite strips on the same track, under the same welds: where a beam is not enough."""
+"""Study `rail`: a beam and a rail by 2.5-D finite elements (SAFE) on the same track, under the same welds."""
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
@@ -12,7 +12,6 @@ from weld_force_ros.physics.passage.wheel_path import wheel_path_over
 from weld_force_ros.physics.track import beam as beam_track
 from weld_force_ros.physics.track import waveguide_rail
 from weld_force_ros.physics.track.beam import Rail, StripRail
-from weld_force_ros.physics.track.outline import Dimensions
 from weld_force_ros.simulation import fit_store, section_file, track_file
 from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.studies import rail_figures
@@ -29,10 +28,15 @@ _BELOW_HZ = 500.0
 _BENDING_HZ = 300.0
 
 
-def with_strips(definition: TrackDefinition, section: Dimensions) -> TrackDefinition:
-    """Return the same track, its rail by finite strips of a cross-section."""
-    rail = StripRail(**asdict(_beam_of(definition.track.rail)), section=section)
-    return replace(definition, track=replace(definition.track, rail=rail))
+def with_waveguide(definition: TrackDefinition, section: str) -> TrackDefinition:
+    """Return the same track, its rail by 2.5-D finite elements; named by the section, so that its fit is found.
+
+    Raises:
+        TrackError: there is no bundled section of that name, or its outline is not known.
+    """
+    track = definition.track
+    rail = StripRail(**asdict(_beam_of(track.rail)), section=section_file.outline_of(section))
+    return replace(definition, track=replace(track, name=f"{track.name}, rail {section}", rail=rail))
 
 
 def with_beam(definition: TrackDefinition) -> TrackDefinition:
@@ -51,37 +55,37 @@ def run(
     *,
     coarse: bool = False,
     start_progress: Callable[[str, int], Callable[[], None]],
-    say: Callable[[str], None],
+    on_fit: Callable[[str], None],
 ) -> StudyResult:
     """Compute waves, receptances and peak forces of both rails.
 
     Args:
-        track: name or file; a rail by strips in it is compared as it stands.
+        track: name or file; a rail by finite elements in it is compared as it is.
         section: name of a cross-section, for a track whose rail is a beam.
         coarse: fewer frequencies, speeds and positions.
         start_progress: starts the display of progress.
-        say: called with a sentence if a fit has to be made.
+        on_fit: called with a sentence if a fit has to be made.
 
     Raises:
         TrackError: a track or section that cannot be used.
     """
     given = track_file.load(track)
     beam = with_beam(given)
-    strips = given
+    waveguide = given
     if not isinstance(given.track.rail, StripRail):
-        strips = with_strips(given, section_file.outline_of(section))
+        waveguide = with_waveguide(given, section)
     frequency_hz = np.arange(_STEP_HZ, HIGHEST_HZ + 1, _STEP_HZ * (5 if coarse else 1))
     advance = start_progress("waves and receptances", 4)
-    waves = {name: _wavenumbers(one.track.rail, frequency_hz) for name, one in _both(beam, strips)}
+    waves = {name: _wavenumbers(one.track.rail, frequency_hz) for name, one in _both(beam, waveguide)}
     advance()
     at_m = np.array(_SPANS) * beam.track.spacing_m
     receptances = {}
-    for name, one in _both(beam, strips):
+    for name, one in _both(beam, waveguide):
         receptances[name] = beam_track.receptance(one.track, frequency_hz, at_m)
         advance()
-    shapes = _shapes(strips.track.rail)
+    shapes = _shapes(waveguide.track.rail)
     advance()
-    forces = _forces(beam, strips, coarse, start_progress, say)
+    forces = _forces(beam, waveguide, coarse, start_progress, on_fit)
     pictures = [
         rail_figures.dispersion(frequency_hz, waves),
         rail_figures.receptances(frequency_hz, at_m, receptances),
@@ -90,16 +94,16 @@ def run(
         rail_figures.wave_shapes(shapes),
     ]
     tables = {
-        "parting": _difference_table(frequency_hz, at_m, receptances),
+        "differences": _difference_table(frequency_hz, at_m, receptances),
         "forces": _force_table(forces),
         "receptance": _receptance_table(frequency_hz, at_m, receptances),
     }
-    measured = _claim_quantities(beam, strips, frequency_hz, receptances, forces)
-    return StudyResult("rail", f"Beam and finite strips: {given.track.name}", pictures, tables, measured)
+    measured = _claim_quantities(beam, waveguide, frequency_hz, receptances, forces)
+    return StudyResult("rail", f"Beam and 2.5-D finite elements: {given.track.name}", pictures, tables, measured)
 
 
-def _both(beam: TrackDefinition, strips: TrackDefinition) -> tuple[tuple[str, TrackDefinition], ...]:
-    return ("beam", beam), ("strip", strips)
+def _both(beam: TrackDefinition, waveguide: TrackDefinition) -> tuple[tuple[str, TrackDefinition], ...]:
+    return ("beam", beam), ("waveguide", waveguide)
 
 
 def _wavenumbers(rail: Rail, frequency_hz: FloatArray) -> FloatArray:
@@ -118,10 +122,10 @@ def _shapes(rail: Rail) -> list[rail_figures.Shape]:
 
 def _forces(
     beam: TrackDefinition,
-    strips: TrackDefinition,
+    waveguide: TrackDefinition,
     coarse: bool,
     start_progress: Callable[[str, int], Callable[[], None]],
-    say: Callable[[str], None],
+    on_fit: Callable[[str], None],
 ) -> list[RailForces]:
     """Simulate the paper's five welds and its shorter dip on both tracks by the same engine."""
     speeds = np.arange(20.0, 301.0, 15.0 if coarse else 5.0)
@@ -129,37 +133,37 @@ def _forces(
     names = (*WELDS, DIP_48)
     advance = start_progress("peak forces", len(names) + 1)
     vehicle_tracks = {
-        name: VehicleTrackModel(fit_store.fitted(one, on_fit=say).model(), one.wheel)
-        for name, one in _both(beam, strips)
+        name: VehicleTrackModel(fit_store.fitted(one, on_fit=on_fit).model(), one.wheel)
+        for name, one in _both(beam, waveguide)
     }
     advance()
     forces = []
     for name in names:
         profile = profile_file.read_profile(profile_file.find(name))
         wheel_path = wheel_path_over(np.array(profile.x_m), np.array(profile.z_m), beam.wheel.radius_m)
-        beam_map, strip_map = (
-            vehicle_tracks[rail].peak_map(wheel_path, speeds, positions) for rail in ("beam", "strip")
+        beam_map, waveguide_map = (
+            vehicle_tracks[rail].peak_map(wheel_path, speeds, positions) for rail in ("beam", "waveguide")
         )
-        forces.append(RailForces(name, speeds, beam_map, strip_map))
+        forces.append(RailForces(name, speeds, beam_map, waveguide_map))
         advance()
     return forces
 
 
 def _difference_table(frequency_hz: FloatArray, at_m: FloatArray, receptances: dict[str, ComplexArray]) -> Table:
-    apart = np.abs(receptances["strip"] / receptances["beam"] - 1)
-    columns = [Column("at_m", "after the sleeper, m", 2), Column("below_500hz", "most below 500 Hz, %", 1)]
+    difference = np.abs(receptances["waveguide"] / receptances["beam"] - 1)
+    columns = [Column("at_m", "after the sleeper, m", 2), Column("below_500hz", "largest below 500 Hz, %", 1)]
     columns += [
         Column(f"over_{share * 100:g}_percent_hz", f"first over {share * 100:g} %, Hz", 0) for share in DIFFERENCES
     ]
     rows: list[tuple[Cell, ...]] = []
-    for x, row in zip(at_m.tolist(), apart, strict=True):
-        most = float(row[frequency_hz < _BELOW_HZ].max()) * 100
-        rows.append((x, most, *(_first_over(frequency_hz, row, share) for share in DIFFERENCES)))
+    for x, row in zip(at_m.tolist(), difference, strict=True):
+        largest = float(row[frequency_hz < _BELOW_HZ].max()) * 100
+        rows.append((x, largest, *(_first_over(frequency_hz, row, share) for share in DIFFERENCES)))
     return Table("Where the receptances differ", tuple(columns), rows)
 
 
-def _first_over(frequency_hz: FloatArray, apart: FloatArray, share: float) -> float | None:
-    over = np.flatnonzero(apart > share)
+def _first_over(frequency_hz: FloatArray, difference: FloatArray, share: float) -> float | None:
+    over = np.flatnonzero(difference > share)
     return float(frequency_hz[over[0]]) if len(over) else None
 
 
@@ -167,15 +171,15 @@ def _force_table(forces: list[RailForces]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for one in forces:
         row, column = np.unravel_index(np.argmax(np.abs(one.difference)), one.difference.shape)
-        beam, strips = one.worst
+        beam, waveguide = one.worst
         rows.append(
-            (one.weld, float(beam.max()) / 1e3, float(strips.max()) / 1e3,
-             float(np.abs(strips / beam - 1).max()) * 100, float(np.sqrt(np.mean(one.difference**2))) * 100,
+            (one.weld, float(beam.max()) / 1e3, float(waveguide.max()) / 1e3,
+             float(np.abs(waveguide / beam - 1).max()) * 100, float(np.sqrt(np.mean(one.difference**2))) * 100,
              float(one.difference[row, column]) * 100, float(one.speeds_kmh[row]))
         )  # fmt: skip
     return Table(
-        "Peak forces over beam and strips",
-        (Column("weld", "weld"), Column("beam_kn", "beam, kN", 1), Column("strip_kn", "strips, kN", 1),
+        "Peak forces with beam and finite elements",
+        (Column("weld", "weld"), Column("beam_kn", "beam, kN", 1), Column("waveguide_kn", "finite elements, kN", 1),
          Column("worst_position_percent", "worst position, at most %", 2),
          Column("rms_percent", "all passages, RMS %", 2),
          Column("largest_percent", "largest, %", 2), Column("largest_at_kmh", "at km/h", 0)),
@@ -192,24 +196,24 @@ def _receptance_table(frequency_hz: FloatArray, at_m: FloatArray, receptances: d
 
 def _claim_quantities(
     beam: TrackDefinition,
-    strips: TrackDefinition,
+    waveguide: TrackDefinition,
     frequency_hz: FloatArray,
     receptances: dict[str, ComplexArray],
     forces: list[RailForces],
 ) -> Quantities:
-    apart = np.abs(receptances["strip"] / receptances["beam"] - 1)
+    difference = np.abs(receptances["waveguide"] / receptances["beam"] - 1)
     static = {
         name: beam_track.static_compliance(one.track, np.array(_SPANS) * one.track.spacing_m)
-        for name, one in _both(beam, strips)
+        for name, one in _both(beam, waveguide)
     }
-    decay = {name: beam_track.free_decay(one.track.rail, _BENDING_HZ)[:, 0] for name, one in _both(beam, strips)}
+    decay = {name: beam_track.free_decay(one.track.rail, _BENDING_HZ)[:, 0] for name, one in _both(beam, waveguide)}
     bending = {
         name: float(np.abs(rows[np.abs(rows.real) < np.abs(rows.imag)].imag).max()) for name, rows in decay.items()
     }
     return {
-        "rail.static_ratio": (static["strip"] / static["beam"]).tolist(),
-        "rail.most_apart_below_500hz": float(apart[:, frequency_hz < _BELOW_HZ].max()),
-        "rail.bending_wavenumber_ratio_300hz": bending["strip"] / bending["beam"],
+        "rail.static_ratio": (static["waveguide"] / static["beam"]).tolist(),
+        "rail.largest_difference_below_500hz": float(difference[:, frequency_hz < _BELOW_HZ].max()),
+        "rail.bending_wavenumber_ratio_300hz": bending["waveguide"] / bending["beam"],
         **{f"rail.peak_rms.{one.weld}": float(np.sqrt(np.mean(one.difference**2))) for one in forces},
-        **{f"rail.peak_most.{one.weld}": float(np.abs(one.difference).max()) for one in forces},
+        **{f"rail.peak_largest.{one.weld}": float(np.abs(one.difference).max()) for one in forces},
     }

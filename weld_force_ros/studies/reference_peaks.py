@@ -1,4 +1,4 @@
-"""Peak forces by the `reference` engine, which takes a second a passage: computed once and stored in a folder."""
+"""Peak forces by the `reference` engine, which takes a second a passage, computed once and stored in a folder."""
 
 import contextlib
 import hashlib
@@ -33,7 +33,7 @@ class ReferencePeaks:
     def at_speed(
         self, definition: TrackDefinition, wheel_paths: Sequence[WheelPath], speed_kmh: float, positions_m: FloatArray
     ) -> FloatArray:
-        """Return peak force (N) and its place (m) of every passage at one speed, (n_path, 2, n_position).
+        """Return peak force (N) and its location (m) of every passage at one speed, (n_path, 2, n_position).
 
         Raises:
             InputError: the folder cannot be written; a speed or position that cannot be simulated.

@@ -30,8 +30,8 @@ class CurveShape:
     """The shape of a force-speed curve at one position.
 
     Attributes:
-        monotonic: whether it has no hollow.
-        fall: depth of its deepest hollow, of the curve's largest less smallest force; 0 without one.
+        monotonic: whether it has no local minimum.
+        fall: depth of its deepest local minimum, of the curve's largest less smallest force; 0 without one.
         linearity: R² of the least-squares line.
     """
 
@@ -50,7 +50,7 @@ class SimulatedWeld:
         geometry: its class.
         gradient_rad: largest gradient, of the quality index.
         third: of the population, by that gradient: 0 the smoothest, 2 the roughest.
-        peak_map: peak forces and their places.
+        peak_map: peak forces and their locations.
         curves: one at each position.
     """
 
@@ -100,7 +100,7 @@ def simulate_welds(context: StudyContext, speeds_kmh: FloatArray, welds: list[Sy
 def curve_shape(speeds_kmh: FloatArray, force_n: FloatArray) -> CurveShape:
     """Return the shape of a force-speed curve."""
     shape = features(speeds_kmh, force_n)
-    fall_n = max((hollow.depth_n for hollow in shape.hollows), default=0.0)
+    fall_n = max((minimum.depth_n for minimum in shape.hollows), default=0.0)
     return CurveShape(shape.monotonic, fall_n / float(np.ptp(force_n)), shape.linearity)
 
 
@@ -135,8 +135,8 @@ def curves_of(
     ]
 
 
-def with_hollow(curves: list[CurveShape]) -> int:
-    """Count the curves that have a hollow."""
+def count_falling(curves: list[CurveShape]) -> int:
+    """Count the curves that fall with speed somewhere: those with a local minimum."""
     return sum(not curve.monotonic for curve in curves)
 
 
@@ -169,7 +169,7 @@ def ratios_by_frequency(pairs: InvertedDips) -> tuple[FloatArray, FloatArray]:
 def parametric_share(context: StudyContext, speeds_kmh: FloatArray, simulated_welds: list[SimulatedWeld]) -> float:
     """Return the share of the smoothest third whose increment over smooth rail stays below that rail's own range.
 
-    Both over all speeds; the increment is the largest force less the smooth rail's at the same place and speed.
+    Both over all speeds; the increment is the largest force less the smooth rail's at the same location and speed.
     """
     vehicle_track = context.vehicle_track(BILBAO)
     smooth = [SmoothRailPassage(context, BILBAO, float(speed)) for speed in speeds_kmh]

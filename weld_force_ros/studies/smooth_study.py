@@ -55,19 +55,19 @@ def _whole_spans(x_m: FloatArray, force_n: FloatArray, span_m: float) -> tuple[F
 
 
 def _claim_quantities(spans: list[tuple[FloatArray, FloatArray]], span_m: float) -> Quantities:
-    places, wavelengths, shares = [], [], []
+    locations, wavelengths, shares = [], [], []
     for x, force in spans:
         count = round((x[-1] - x[0]) / span_m)
         lines = np.abs(np.fft.rfft(force - force.mean())) ** 2
         wavelengths.append(count * span_m / float(np.argmax(lines)))
         shares.append(float(lines[::count].sum() / lines.sum()))
         period = force[: len(force) // count]
-        places.append(span_m * float(np.argmax(period)) / len(period))
-    unwrapped = np.unwrap(places, period=span_m)
+        locations.append(span_m * float(np.argmax(period)) / len(period))
+    unwrapped = np.unwrap(locations, period=span_m)
     return {
         "smooth.mean_force_n": [float(force.mean()) for _, force in spans],
         "smooth.strongest_wavelength_m": wavelengths,
         "smooth.harmonics_share": shares,
-        "smooth.peak_place_m": [float(place) for place in unwrapped],
+        "smooth.peak_location_m": [float(location) for location in unwrapped],
         "smooth.peak_moves_forward": bool(np.all(np.diff(unwrapped) > 0)),
     }

@@ -32,13 +32,13 @@ class Excitation:
 def receptance_picture(
     frequency_hz: FloatArray, receptances: dict[str, ComplexArray], positions_m: FloatArray, where: str
 ) -> Picture:
-    """Draw receptances of the track alone and with the wheelset; `where` names the wheelset's track or place."""
+    """Draw receptances of the track alone and with the wheelset; `where` names the wheelset's track or position."""
     figure = new_figure(7.0, 6.6)
     above, below = figure.subplots(2, 1, sharex=True)
     for magnitude, at_m, colour in zip(np.abs(receptances["positions"]), positions_m, COLOURS, strict=False):
         above.plot(frequency_hz, magnitude * 1e9, color=colour, label=f"{at_m * 100:.0f} cm")
     above.legend(title="after a sleeper", frameon=False, loc="lower left", ncols=2)
-    shown = {"span_mean": "track, mean over the span", "rolled_over": f"track, {where}",
+    shown = {"span_mean": "track, mean over the span", "simulated_track": f"track, {where}",
              "wheelset_track": f"wheelset on the track, {where}"}  # fmt: skip
     for (name, label), colour, style in zip(shown.items(), COLOURS, ("-", "--", "-"), strict=False):
         below.plot(frequency_hz, np.abs(receptances[name][0]) * 1e9, style, color=colour, label=label)
@@ -48,18 +48,18 @@ def receptance_picture(
         mark_frequencies(axes, frequency_hz[0], frequency_hz[-1])
     above.set(xlabel="")
     return Picture(
-        "spectrum-receptance", "What the track gives: receptances",
+        "spectrum-receptance", "Receptances of track and wheelset",
         "Above: positions in the span differ most near the pinned-pinned resonance. Below: the track that this study "
-        "rolls over beside the span's mean; the wheelset on it has resonances of its own.", figure,
+        "simulates, and the mean over the span; the wheelset on it has resonances of its own.", figure,
     )  # fmt: skip
 
 
 def weld_pictures(weld: str, excitations: list[Excitation], wheelset: tuple[FloatArray, FloatArray]) -> list[Picture]:
     """Draw spectra at all speeds together, and speed by speed with the wheelset's receptance."""
-    return [_together(weld, excitations), _by_speed(weld, excitations, wheelset)]
+    return [_all_speeds(weld, excitations), _by_speed(weld, excitations, wheelset)]
 
 
-def _together(weld: str, excitations: list[Excitation]) -> Picture:
+def _all_speeds(weld: str, excitations: list[Excitation]) -> Picture:
     figure = new_figure(7.0, 5.6)
     above, below = figure.subplots(2, 1, sharex=True)
     styles = ("-", "--", "-.", ":")

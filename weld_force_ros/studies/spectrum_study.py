@@ -1,4 +1,4 @@
-"""Study `spectrum`: the weld gives the force its frequencies, the track their strength (Figs. 5, 25, 26)."""
+"""Study `spectrum`: frequencies of the force come from the weld, their amplitudes from the track (Figs. 5, 25, 26)."""
 
 import numpy as np
 
@@ -30,12 +30,12 @@ from weld_force_ros.studies.study_context import (
 SPEEDS_KMH = (55.0, 120.0, 145.0, 220.0)
 DIP_KMH = 120.0
 _FREQUENCIES_HZ = np.arange(10.0, 1500.5, 1.0)
-_FIG_5_POSITIONS = np.array([32, 40, 44, 52, 60]) / 60  # where the paper's Fig. 5 looks, of a span of 60 cm
+_FIG_5_POSITIONS = np.array([32, 40, 44, 52, 60]) / 60  # of the paper's Fig. 5, relative to its span of 60 cm
 _SHOWN_HZ = 2000.0
 _EVERY = 8  # the record's own resolution, of which the spectrum has eight times as many
 _LARGE = 0.1  # of the largest amplitude
 _NEAR = 0.1  # of a frequency
-_SHORT_M = 0.4  # wavelengths below it tell how the weld's own peaks move
+_SHORT_M = 0.4  # shorter wavelengths show how the peaks of the weld's spectrum move
 
 
 def run(context: StudyContext) -> StudyResult:
@@ -58,13 +58,13 @@ def run(context: StudyContext) -> StudyResult:
 
 
 def _receptances(context: StudyContext) -> dict[str, ComplexArray]:
-    """Compute receptances at the positions of Fig. 5, over the span, under the wheel, and with the wheelset."""
+    """Compute receptances at the positions of Fig. 5, over the span, of the simulated track, and with the wheelset."""
     discrete, continuous = context.track(BILBAO).track, context.track(CONTINUOUS)
     span = beam.receptance(discrete, _FREQUENCIES_HZ, beam.sections(discrete, 15))
     return {
         "positions": beam.receptance(discrete, _FREQUENCIES_HZ, _FIG_5_POSITIONS * discrete.spacing_m),
         "span_mean": span.mean(axis=0, keepdims=True),
-        "rolled_over": beam.receptance(continuous.track, _FREQUENCIES_HZ, 0.0),
+        "simulated_track": beam.receptance(continuous.track, _FREQUENCIES_HZ, 0.0),
         "wheelset_track": wheelset_track_receptance(continuous.track, continuous.wheel, _FREQUENCIES_HZ, 0.0),
     }
 
@@ -78,11 +78,11 @@ def _excitation(context: StudyContext, weld: str, speed_kmh: float) -> Excitatio
 
 
 def _receptance_table(receptances: dict[str, ComplexArray]) -> Table:
-    names = ("span_mean", "rolled_over", "wheelset_track")
+    names = ("span_mean", "simulated_track", "wheelset_track")
     return Table(
         "Magnitude of receptance",
         (Column("frequency_hz", "Hz", 0), Column("span_mean_m_per_n", "mean over the span, m/N"),
-         Column("rolled_over_m_per_n", "track rolled over, m/N"),
+         Column("simulated_track_m_per_n", "simulated track, m/N"),
          Column("wheelset_track_m_per_n", "with the wheelset, m/N")),
         as_rows(_FREQUENCIES_HZ, *(np.abs(receptances[name][0]) for name in names)),
     )  # fmt: skip
@@ -123,10 +123,10 @@ def _track_alone(context: StudyContext, receptances: dict[str, ComplexArray]) ->
     ratio = magnitude.max(axis=0) / magnitude.min(axis=0)
     near_pinned = np.abs(_FREQUENCIES_HZ / pinned_hz - 1) <= _NEAR
     shared = (_FREQUENCIES_HZ >= 20) & (_FREQUENCIES_HZ <= 800)
-    mean, continuous = (np.abs(receptances[name][0][shared]) for name in ("span_mean", "rolled_over"))
+    mean, continuous = (np.abs(receptances[name][0][shared]) for name in ("span_mean", "simulated_track"))
     return {
-        "spectrum.section_ratio_pinned_pinned": float(ratio[near_pinned].max()),
-        "spectrum.section_ratio_300hz": float(np.interp(300.0, _FREQUENCIES_HZ, ratio)),
+        "spectrum.position_ratio_pinned_pinned": float(ratio[near_pinned].max()),
+        "spectrum.position_ratio_300hz": float(np.interp(300.0, _FREQUENCIES_HZ, ratio)),
         "spectrum.continuous_difference": float(np.sqrt(np.mean((continuous / mean - 1) ** 2))),
         "spectrum.rfp_error_bilbao": fit_store.fitted(context.track(BILBAO), "rfp").error,
         "spectrum.rfp_error_continuous": fit_store.fitted(context.track(CONTINUOUS), "rfp").error,
@@ -148,15 +148,15 @@ def _weld_1(excitations: list[Excitation]) -> Quantities:
 
 def _match_share(excitations: list[Excitation]) -> float:
     """Return the share of the force's large peaks that have one of the weld near them."""
-    met = [
+    matched = [
         any(
-            abs(own.frequency_hz / peak.frequency_hz - 1) <= _NEAR
-            for own in spectral_peaks(e.irregularity, passage_records.CLEAR)
+            abs(weld_peak.frequency_hz / peak.frequency_hz - 1) <= _NEAR
+            for weld_peak in spectral_peaks(e.irregularity, passage_records.CLEAR)
         )
         for e in excitations
         for peak in _large_peaks(e.force)
     ]
-    return float(np.mean(met)) if met else float("nan")
+    return float(np.mean(matched)) if matched else float("nan")
 
 
 def _large_peaks(spectrum: Spectrum) -> list[SpectralPeak]:

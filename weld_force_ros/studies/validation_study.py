@@ -1,6 +1,6 @@
 """Study `validation`: the force over wheel flats on the track of Johansson and Nielsen (Figs. 7 and 8).
 
-The measurements, and Pieringer's curves, stand in the paper's figures only; neither is drawn here. The text says
+The measurements, and Pieringer's curves, are in the paper's figures only; neither is drawn here. The text says
 of them: a first maximum near 40 km/h, a minimum near 95 km/h, and growth from there to 300 km/h.
 """
 
@@ -13,7 +13,7 @@ from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report.figures import GREY, as_text, new_figure
 from weld_force_ros.studies.figure_style import COLOURS, legend_above
 from weld_force_ros.studies.grids import COSINES_M, sampled_cosine
-from weld_force_ros.studies.passage_curves import features, first_maximum, hollow_after_maximum
+from weld_force_ros.studies.passage_curves import features, first_maximum, minimum_after_maximum
 from weld_force_ros.studies.result_table import Column, Table
 from weld_force_ros.studies.study_context import (
     FLAT,
@@ -44,7 +44,7 @@ def run(context: StudyContext) -> StudyResult:
         Picture(
             "validation-envelope", f"Peak force over {weld}",
             "The band spans all positions in the sleeper span. Dotted: where the measurements of Johansson and Nielsen "
-            "have their maximum and minimum, as the paper's text tells; their points are in its figure only.",
+            "have their maximum and minimum, according to the paper's text; their points are in its figure only.",
             _envelope(speeds, peak_n, weld, _TEXT_KMH if context.uses_paper_inputs else ()),
         )
     ]  # fmt: skip
@@ -83,7 +83,7 @@ def _envelope(speeds: FloatArray, peak_n: FloatArray, weld: str, text_kmh: tuple
     lower, upper = peak_n.min(axis=1) / 1e3, peak_n.max(axis=1) / 1e3
     axes.fill_between(speeds, lower, upper, color=COLOURS[1], alpha=0.35, linewidth=0, label="all positions")
     axes.plot(speeds, upper, color=COLOURS[1], label=as_text(f"largest, {weld}"))
-    axes.plot(speeds, lower, color=COLOURS[1], linewidth=0.8, linestyle="--", label="least")
+    axes.plot(speeds, lower, color=COLOURS[1], linewidth=0.8, linestyle="--", label="smallest")
     for speed in text_kmh:
         axes.axvline(speed, color=GREY, linewidth=1, linestyle=":")
     axes.set(xlabel="speed, km/h", ylabel="peak force, kN", xlim=(0, 300), ylim=(0, None))
@@ -107,15 +107,15 @@ def _claim_quantities(
     upper_n = peak_n.max(axis=1)
     curve = features(speeds, upper_n)
     speed_kmh, maximum_n = first_maximum(curve)
-    hollow = hollow_after_maximum(curve) or Hollow(np.nan, np.nan, np.nan, np.nan)
+    minimum = minimum_after_maximum(curve) or Hollow(np.nan, np.nan, np.nan, np.nan)
     longer_kmh, shorter_kmh = (
         first_maximum(features(speeds, _upper(context, sampled_cosine(length_m, _DEPTH_M), speeds, positions[:1])))[0]
         for length_m in (_LONGER_M, _LENGTH_M)
     )
     return {
         "validation.first_maximum_kmh": speed_kmh,
-        "validation.minimum_kmh": hollow.lowest_kmh,
-        "validation.fall_n": hollow.depth_n,
-        "validation.rise_after_minimum_n": float(upper_n[-1]) - (maximum_n - hollow.depth_n),
+        "validation.minimum_kmh": minimum.lowest_kmh,
+        "validation.fall_n": minimum.depth_n,
+        "validation.rise_after_minimum_n": float(upper_n[-1]) - (maximum_n - minimum.depth_n),
         "validation.first_maximum_shift_longer_kmh": longer_kmh - shorter_kmh,
     }

@@ -46,12 +46,12 @@ class WeldMap:
 
     @cached_property
     def shape(self) -> SurfaceFeatures:
-        """Return hollows, best and worst positions."""
+        """Return local minima over speed, best and worst positions."""
         return surface_features(self.speeds_kmh, self.positions_m, self.force_n, self.span_m, tolerance=SIGNIFICANT)
 
     @property
-    def place_m(self) -> FloatArray:
-        """Return the place of the peaks from the straightedge's start."""
+    def peak_location_m(self) -> FloatArray:
+        """Return the location of the peaks from the straightedge's start, m."""
         return np.asarray(self.peak_map.peak_x_m - self.positions_m + _STRAIGHTEDGE_CENTRE_M)
 
     def between(self, first_kmh: float, last_kmh: float) -> FloatArray:
@@ -93,7 +93,7 @@ def weld_maps(context: StudyContext, names: Sequence[str], scale: float = 1.0) -
     ]
 
 
-def standstill(speeds_kmh: FloatArray, force_n: FloatArray, tolerance_n: float) -> float:
+def plateau_width(speeds_kmh: FloatArray, force_n: FloatArray, tolerance_n: float) -> float:
     """Return the width of the widest speed interval over which the force does not rise by more than a tolerance.
 
     It begins at a given speed; its end lies between two where the force is linear.

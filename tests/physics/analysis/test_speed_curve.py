@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weld_force_ros.errors import InputError
-from weld_force_ros.physics.analysis.speed_curve import curve_features, sharp_angles, surface_features
+from weld_force_ros.physics.analysis.speed_curve import curve_features, kinks, surface_features
 
 
 def hollow_curve(speeds: np.ndarray) -> np.ndarray:
@@ -93,7 +93,7 @@ def test_what_is_no_curve_is_refused(bad: tuple[list[float], list[float]]):
 
 
 @pytest.mark.parametrize("step_kmh", [1.0, 3.0, 5.0])
-def test_sharp_angles_are_where_the_larger_of_three_branches_changes(step_kmh: float):
+def test_kinks_are_where_the_larger_of_three_branches_changes(step_kmh: float):
     speeds = np.arange(20.0, 200.0, step_kmh)
     branches = np.stack(
         [1e5 + 10 * speeds, 1e5 + 60 * speeds - 50 * 73.3, 1e5 + 180 * speeds - 50 * 73.3 - 120 * 131.7]
@@ -101,14 +101,14 @@ def test_sharp_angles_are_where_the_larger_of_three_branches_changes(step_kmh: f
     places = np.stack([0.02 + 0 * speeds, 1.5e-3 * speeds / 3.6, 0.01 + 0 * speeds])
     leading = np.argmax(branches, axis=0)
     peak, place = branches.max(axis=0), np.choose(leading, places)
-    assert sharp_angles(speeds, peak, place) == pytest.approx([73.3, 131.7], abs=1e-6)
-    assert sharp_angles(speeds, peak, -place) == pytest.approx([73.3, 131.7], abs=1e-6)
+    assert kinks(speeds, peak, place) == pytest.approx([73.3, 131.7], abs=1e-6)
+    assert kinks(speeds, peak, -place) == pytest.approx([73.3, 131.7], abs=1e-6)
 
 
 def test_peak_that_moves_with_speed_is_not_handed_over():
     speeds = np.arange(20.0, 300.0, 5.0)
     lagging = 9e-3 * speeds / 3.6  # 12.5 mm a step
-    assert sharp_angles(speeds, hollow_curve(speeds), lagging) == []
+    assert kinks(speeds, hollow_curve(speeds), lagging) == []
 
 
 def test_surface_hollow_best_and_worst_position_and_sensitivity():
@@ -138,14 +138,14 @@ def test_surface_that_goes_round_the_span_twice_or_has_no_speed_in_range_is_refu
 def test_jump_of_place_without_an_upward_angle_is_no_hand_over():
     speeds = np.arange(20.0, 190.0, 5.0)
     place = np.where(speeds < 62.0, 0.0, 0.05)
-    assert sharp_angles(speeds, hollow_curve(speeds), place) == []
+    assert kinks(speeds, hollow_curve(speeds), place) == []
 
 
 def test_peak_that_leads_at_one_speed_only_is_handed_over_half_way():
     speeds = np.arange(20.0, 70.0, 10.0)
     force = np.array([1.0, 1.1, 1.2, 1.3, 1.4])
     place = np.array([0.0, 0.0, 0.1, 0.0, 0.0])
-    assert sharp_angles(speeds, force, place) == [35.0, 45.0]
+    assert kinks(speeds, force, place) == [35.0, 45.0]
 
 
 def test_a_level_curve_has_no_features_however_it_is_rounded():

@@ -50,7 +50,7 @@ def test_known_poles_are_recovered(case: tuple[np.ndarray, np.ndarray]):
     sleeper=st.floats(60.0, 200.0),
     order=st.integers(4, 9),
 )
-@settings(max_examples=10)
+@settings(max_examples=6)
 def test_any_tracks_poles_are_stable_and_its_static_deflection_exact(
     pad: float, pad_loss: float, ballast: float, ballast_damping: float, sleeper: float, order: int
 ):
@@ -105,12 +105,10 @@ def test_default_order_is_the_lowest_where_more_poles_hardly_help(definitions: d
     # A loss factor is not causal: no order is good enough, and the paper's eight are as good as ten.
     definition = definitions["bilbao-continuous"]
     compliance = definition.wheel.compliance
-    chosen, more = (
-        relative_error(fit, definition.track, compliance)
-        for fit in (default_fit(definition.track, compliance), fit_track(definition.track, compliance, 10))
-    )
-    assert default_fit(definition.track, compliance).order == fit_store.fitted(definition).order == 8
-    assert more > 0.75 * chosen > 0.75 * 0.005
+    chosen, more = default_fit(definition.track, compliance), fit_track(definition.track, compliance, 10)
+    assert chosen.order == fit_store.fitted(definition).order == 8
+    chosen_error, more_error = (relative_error(fit, definition.track, compliance) for fit in (chosen, more))
+    assert more_error > 0.75 * chosen_error > 0.75 * 0.005
 
 
 def test_model_is_the_transform_of_a_real_impulse_response(definitions: dict[str, TrackDefinition]):

@@ -47,7 +47,7 @@ def model_of(a: np.ndarray, b: np.ndarray) -> RfpModel:
 
 
 @given(rational_sections())
-@settings(max_examples=30)
+@settings(max_examples=10)
 def test_known_rational_functions_are_recovered(case: tuple[int, np.ndarray, np.ndarray]):
     degree, p, r = case
     h = partial_fractions(FREQUENCY, p, r)

@@ -2,8 +2,8 @@
 
 Over welds with a dip the maximum force rises to a relative maximum, falls, and rises again; over others it rises almost
 linearly (paper, sections 3 and 4). A hollow is "the combinations of speeds and positions [...] for which the maximum
-force diminishes as speed increases" (section 7): here all that lies below what was reached at a lower speed. A sharp
-angle (section 6.1) is a speed at which another peak of the history becomes the largest.
+force diminishes as speed increases" (section 7): here all that lies below what was reached at a lower speed. A kink,
+the paper's "sharp angle" (section 6.1), is a speed at which another peak of the history becomes the largest.
 """
 
 from dataclasses import dataclass, replace
@@ -128,7 +128,7 @@ def curve_features(
     )
 
 
-def sharp_angles(speeds_kmh: ArrayLike, peak_n: ArrayLike, peak_x_m: ArrayLike, *, step_m: float = 5e-3) -> list[float]:
+def kinks(speeds_kmh: ArrayLike, peak_n: ArrayLike, peak_x_m: ArrayLike, *, step_m: float = 5e-3) -> list[float]:
     """Return the speeds in km/h at which another peak of the history becomes the largest.
 
     The place of the maximum jumps there, and the curve turns upward; the speed is where the lines through two speeds on

@@ -65,7 +65,7 @@ class StripRail(Rail):
         from weld_force_ros.physics.track.waveguide_rail import Steel
 
         density = self.mass_kg_per_m / self.area_m2
-        return Steel(self.youngs_modulus_pa, self.shear_modulus_pa, density, self.loss_factor)
+        return Steel(self.youngs_modulus_pa, self.shear_modulus_pa, density)
 
     @property
     def free(self) -> "FreeRail":
@@ -224,12 +224,14 @@ def waves(track: Track, omega: FloatArray | ComplexArray, *, threads: int | None
 def _strip_waves(track: Track, rail: StripRail, frequencies: bytes, threads: int | None) -> Waves:
     from weld_force_ros.physics.track.supported_rail import SupportedWaves, WavesAlong
 
-    free, omega = rail.free, np.frombuffer(frequencies, dtype=np.complex128)
+    omega, loss_factor = np.frombuffer(frequencies, dtype=np.complex128), rail.loss_factor
     if track.continuous:
         foundation = track.support.dynamic_stiffness(omega) / track.spacing_m
-        return WavesAlong(free.waves(omega, foundation, threads=threads), track.spacing_m)
+        free = rail.free.waves(omega, foundation, loss_factor=loss_factor, threads=threads)
+        return WavesAlong(free, track.spacing_m)
     pad, below = track.support.pad.dynamic_stiffness(omega), track.support.stiffness_below_pad(omega)
-    return SupportedWaves(free.waves(omega, threads=threads), track.spacing_m, pad, below, track.pad_width_m)
+    free = rail.free.waves(omega, loss_factor=loss_factor, threads=threads)
+    return SupportedWaves(free, track.spacing_m, pad, below, track.pad_width_m)
 
 
 def static_waves(track: Track, *, threads: int | None = None) -> Waves:

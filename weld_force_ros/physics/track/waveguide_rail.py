@@ -55,12 +55,11 @@ COUPLED = 15
 
 @dataclass(frozen=True)
 class Steel:
-    """A rail's material; `loss_factor` acts on all stress."""
+    """A rail's material, without its loss: waves at any loss are found in one reduction."""
 
     youngs_modulus_pa: float
     shear_modulus_pa: float
     density_kg_per_m3: float
-    loss_factor: float = 0.0
 
     @property
     def lame_pa(self) -> float:
@@ -226,7 +225,7 @@ class FreeRail:
     """A free rail of a section and a steel."""
 
     def __init__(self, mesh: Mesh, head: FloatArray, foot: FloatArray, steel: Steel) -> None:
-        self.mesh, self.steel = mesh, steel
+        self.mesh = mesh
         matrices = mesh.matrices(steel.lame_pa, steel.shear_modulus_pa)
         observed = np.stack([head, foot], axis=1)
         reduced, self._along, self._across_up = _reduced(matrices, steel.density_kg_per_m3, observed)
@@ -250,6 +249,7 @@ class FreeRail:
         omega: FloatArray | ComplexArray,
         foundation: "ComplexArray | None" = None,
         *,
+        loss_factor: float = 0.0,
         threads: int | None = None,
     ) -> FreeWaves:
         """Return the waves at angular frequencies (n_frequency,), rad/s.
@@ -257,9 +257,10 @@ class FreeRail:
         Args:
             omega: (n_frequency,).
             foundation: (n_frequency,), of the foot, N/m^2, if any.
+            loss_factor: acts on all stress.
             threads: that frequencies are shared out to; one a core, if not given.
         """
-        moving = self.moving(omega, foundation, self.steel.loss_factor, threads=threads)
+        moving = self.moving(omega, foundation, loss_factor, threads=threads)
         near, pair = moving._part(slice(_REACHING)), self._resting._part(slice(COUPLED - _REACHING))
         far, rest = moving._part(slice(_REACHING, None)), self._resting._part(slice(COUPLED - _REACHING, None))
         return near._with(pair)._with(far)._with(rest)
