@@ -38,7 +38,7 @@ def test_mutations_reach_what_is_behind_the_parsers(report):
     total, tallies = malformed.Tally(), report.by_kind.values()
     for tally in tallies:
         assert tally.refused + tally.accepted + len(tally.failures) == tally.mutated
-        assert tally.accepted or tally.mutated < 20
+        assert tally.accepted or tally.mutated < 40  # of DDS samples one in thirty or so is still valid
         total.add(tally)
     assert total.mutated >= 0.95 * COUNT
     assert 0.5 < total.past_parsing / total.mutated < 0.95
