@@ -53,6 +53,16 @@ SCHEMA = pa.schema(
             ),
         )
     ]
+    + [
+        (
+            "support",
+            pa.list_(
+                pa.struct(
+                    {"sleeper": pa.int64(), "share": pa.float64(), "pad_share": pa.float64(), "gap_m": pa.float64()}
+                )
+            ),
+        )
+    ]
     + [(_UNUSABLE, pa.string()), (_REMEDY, pa.string())]
 )
 
@@ -177,6 +187,8 @@ def _weld(where: str, weld_id: str, row: dict[str, Any]) -> ProfileRow:
     content = {"weld_id": weld_id, "source": where[-200:]} | _without_none(row)
     if "noise" in content:
         content["noise"] = _without_none(content["noise"])
+    if "support" in content:
+        content["support"] = [_without_none(state) for state in content["support"]]
     if "profile_sha256" not in content:
         content["profile_sha256"] = profile_sha256(row["x_m"], row["z_m"])
     try:
