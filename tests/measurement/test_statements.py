@@ -40,6 +40,12 @@ def test_free_text_states_nothing() -> None:
     assert found(("Temperature", "21.5"), ("Messlänge [mm]", "1200"), ("remark", "wet"), comment=True) == {}
 
 
+def test_support_of_an_instruments_header_is_free_text_unless_it_names_sleepers() -> None:
+    assert found(("Support", "+44 20 7946 0000")) == {}
+    assert found(("support", "0=0.02")) == {"support": "0=0.02"}
+    assert found(("support", "some"), comment=True) == {"support": "some"}  # refused where it is read
+
+
 def test_descriptor_names_the_keys_of_its_instrument() -> None:
     form = InstrumentFormat(header={"weld_id": "Stoß", "operator": "Prüfling"})
     assert found(("stoss", "7"), ("PRÜFLING", "B"), form=form) == {"weld_id": "7", "operator": "B"}

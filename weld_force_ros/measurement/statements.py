@@ -167,6 +167,8 @@ _UNITS: dict[str, dict[str, float]] = {
 
 def _value(key: str, statement: Statement, is_exact: bool) -> str | None:
     """Return a statement's value as our own files write it; None if it says nothing that can be used."""
+    if key == "support" and not statement.is_comment and "=" not in statement.value:
+        return None  # of an instrument's header: its telephone number, say
     if is_exact:
         return statement.value
     if key == "chainage_m":
