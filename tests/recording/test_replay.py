@@ -12,7 +12,7 @@ from weld_force_ros.assessment.judge import assess, assess_vehicles, judge, simu
 from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.errors import BagError
 from weld_force_ros.measurement.profile_file import find, read_profile
-from weld_force_ros.messages import TOPICS, ForceMap, Message, encode
+from weld_force_ros.messages import TOPICS, ForceMap, Message, encode, parse_support
 from weld_force_ros.recording import STRING, Recorder, replay, string_cdr, what_if
 from weld_force_ros.recording.recording import Recording, open_recording
 from weld_force_ros.recording.table_export import export_tables
@@ -176,6 +176,16 @@ def test_a_cut_bag_is_replayed_up_to_the_cut(tmp_path, messages):
     recording = open_recording(cut)
     assert recording.damage
     assert differences(recording) == []
+
+
+def test_a_map_keeps_its_direction_and_support_whatever_is_stated_of_the_weld_since(tmp_path):
+    settings = simulation_settings(track="bilbao-viscous", speeds_kmh=[60, 120], positions=[0.1, 0.4], support="0=0.02")
+    limits, simulator, profile = load_limits(), Simulator(settings), read_profile(find("weld-4-steep-ramp"))
+    stated = msgspec.structs.replace(profile, running="against", support=parse_support("none"))
+    for name, first, then in (("hangs", profile, stated), ("rests", stated, profile)):
+        done = assess(first, simulator, limits)
+        recording = recorded(tmp_path / name, [settings, limits, first, done.force_map, done.verdict, then])
+        assert differences(recording) == []
 
 
 @pytest.mark.parametrize("engine", ["common-poles", "rfp", "reference"])

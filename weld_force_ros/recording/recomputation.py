@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
+from msgspec import UnsetType
 from msgspec.structs import replace
 
 from weld_force_ros.assessment.judge import judge_vehicles
@@ -40,7 +41,7 @@ class Recomputation:
     def force_map(self, recorded: ForceMap) -> ForceMap:
         """Return a recorded map simulated again.
 
-        Place and line speed are those of the map, whatever was stated of the weld since.
+        Place, line speed, running direction and support are those of the map, whatever was stated of the weld since.
 
         Raises:
             WeldForceError: the profile or the settings were not recorded, or cannot be simulated.
@@ -51,8 +52,9 @@ class Recomputation:
         settings = self._settings.get(recorded.config_sha256)
         if settings is None:
             raise missing("simulation settings")
+        support = [] if isinstance(recorded.support, UnsetType) else recorded.support
         return replace(
-            self._simulator(settings).force_map(profile),
+            self._simulator(settings).force_map(replace(profile, running=recorded.running, support=support)),
             line_speed_kmh=recorded.line_speed_kmh,
             weld_position_m=recorded.weld_position_m,
             chainage_m=recorded.chainage_m,
