@@ -7,6 +7,7 @@ import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 from msgspec.structs import replace
@@ -191,7 +192,7 @@ def served(tmp_path: Path) -> Iterator[Server]:
 
 
 def ask(server: Server, path: str, method: str = "GET", **headers: str) -> tuple[http.client.HTTPResponse, bytes]:
-    port = int(server.url.rstrip("/").rpartition(":")[2])
+    port = urlsplit(server.url).port
     with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=10)) as connection:
         connection.request(method, path, headers=headers)
         answer = connection.getresponse()
@@ -306,10 +307,53 @@ def test_too_many_connections_are_turned_away_and_room_comes_again(served):
 
 
 def test_a_burst_of_connections_waits_for_its_turn(tmp_path):
-    server = _Http(LiveReport(tmp_path), PAGE.encode(), 0)  # listens, and takes no connection yet
+    server = _Http(LiveReport(tmp_path), PAGE.encode(), ("127.0.0.1", 0), "")  # listens, and takes no connection yet
     with closing(server.socket), ExitStack() as stack:
         for _ in range(70):  # where there is no room to wait, a client is kept trying until its time is up
             stack.enter_context(socket.create_connection(("127.0.0.1", server.server_port), timeout=3))
+
+
+@pytest.fixture
+def shared(tmp_path: Path) -> Iterator[Server]:
+    """A server that others can reach, too."""
+    report = LiveReport(tmp_path)
+    for message in parts("KM12"):
+        report.add(message)
+    server = Server(report, PAGE, 0, "0.0.0.0")  # noqa: S104
+    yield server
+    server.close()
+
+
+def test_others_are_answered_if_they_know_the_token(shared):
+    root = urlsplit(shared.url).path
+    assert len(root) >= 16 + 2
+    for host in ("192.168.1.7", "tablet.example:8765"):
+        assert ask(shared, root, Host=host)[1] == PAGE.encode()
+        assert json.loads(ask(shared, f"{root}rows?after=0", Host=host)[1])[0]["weld"] == "KM12"
+        assert ask(shared, f"{root}weld/1", Host=host)[0].status == 200
+
+
+def test_who_does_not_know_the_token_learns_nothing(shared):
+    root = urlsplit(shared.url).path
+    for path in ("/", "/rows", "/weld/1", root[:-1], root[:-2] + "/", root.upper(), "//", root[1:], "/%ff%fe/rows"):
+        for host in ("localhost", "192.168.1.7"):
+            answer, data = ask(shared, path, Host=host)
+            assert answer.status == 404
+            assert data == b"There is nothing here.\n"
+            assert "default-src 'none'" in answer.headers["Content-Security-Policy"]
+
+
+def test_every_server_has_a_token_of_its_own(shared, tmp_path):
+    with closing(Server(LiveReport(tmp_path), PAGE, 0, "127.0.0.2")) as other:
+        assert urlsplit(other.url).hostname == "127.0.0.2"
+        assert urlsplit(other.url).path != urlsplit(shared.url).path
+        assert ask(shared, urlsplit(other.url).path)[0].status == 404
+
+
+@pytest.mark.parametrize("host", ["203.0.113.9", "no.such.host.invalid", "a" * 70 + ".example"])
+def test_a_host_that_is_not_this_machine_is_one_clear_error(tmp_path, host):
+    with pytest.raises(InputError, match=r"is no address of this machine .*--dashboard-host"):
+        Server(LiveReport(tmp_path), PAGE, 0, host)
 
 
 def test_a_used_port_is_one_clear_error(served, tmp_path):

@@ -37,6 +37,14 @@ class SuiteOptions:
     dashboard_port: Annotated[
         int | None, typer.Option(metavar="PORT", help="Where --dashboard serves its page (default: 8765).")
     ] = None
+    dashboard_host: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Serve the page to others on this network, such as a tablet: an address of this machine, or 0.0.0.0"
+            " for all. Only who has the page's address, with its token, is answered; it is not encrypted.",
+        ),
+    ] = None
 
 
 @with_option_groups()
@@ -54,8 +62,10 @@ def up(
     from weld_force_ros.ros.parameters import check_values, read_parameter_file, values_of_node
 
     supervisor, launcher = ros_module("supervisor"), ros_module("launcher")
-    if suite.dashboard_port is not None and not suite.dashboard:
-        raise InputError("--dashboard-port says where a dashboard is served", "add --dashboard")
+    served = {"port": suite.dashboard_port, "host": suite.dashboard_host}
+    for name, value in served.items():
+        if value is not None and not suite.dashboard:
+            raise InputError(f"--dashboard-{name} says where a dashboard is served", "add --dashboard")
     given: dict[str, dict[str, Any]] = {
         "profile": {"folder": suite.folder, "detect_welds": suite.detect_welds, **vars(measurement)},
         "simulator": {
@@ -65,7 +75,7 @@ def up(
             "uncertainty": uncertainty.file,
         },
         "assessment": {"limits": limits, "bag": suite.bag},
-        **({"dashboard": {"port": suite.dashboard_port}} if suite.dashboard else {}),
+        **({"dashboard": served} if suite.dashboard else {}),
     }
     stated = read_parameter_file(suite.config) if suite.config is not None else {}
     parameters = {

@@ -1,11 +1,14 @@
-"""The live report over HTTP, for browsers on this machine only, and read-only.
+"""The live report over HTTP, read-only: for browsers on this machine, or with a token in the address for a tablet.
 
 A page from elsewhere, open in a browser on this machine, could make its own name resolve to 127.0.0.1 (DNS rebinding):
-so requests are answered only if they name this machine. They carry no cookie and change nothing.
+so requests are answered only if they name this machine. They carry no cookie and change nothing. A server that others
+can reach answers only those who know its token, whatever they call the machine.
 """
 
 import errno
+import hmac
 import re
+import secrets
 import socket
 import sys
 import threading
@@ -18,6 +21,7 @@ from weld_force_ros.errors import InputError
 from weld_force_ros.report.live_report import LiveReport
 
 ADDRESS = "127.0.0.1"
+ANY_ADDRESS = "0.0.0.0"  # noqa: S104 - never the default, and then with a token
 _HOSTS = ("localhost", ADDRESS, "[::1]")
 _MOST_CONNECTIONS = 64
 _IDLE_S = 30.0
@@ -39,16 +43,23 @@ class Server:
     Args:
         report: whose rows and details are served.
         page: HTML that requests them.
-        port: on 127.0.0.1; 0 takes a free one.
+        port: 0 takes a free one.
+        host: address of this machine to serve on; any but 127.0.0.1 puts a new token into the page's address.
 
     Raises:
-        InputError: the port cannot be used.
+        InputError: the host or the port cannot be used.
     """
 
-    def __init__(self, report: LiveReport, page: str, port: int) -> None:
+    def __init__(self, report: LiveReport, page: str, port: int, host: str = ADDRESS) -> None:
+        self._host = host
+        token = "" if host == ADDRESS else secrets.token_urlsafe(12)
         try:
-            self._http = _Http(report, page.encode(), port)
+            self._http = _Http(report, page.encode(), (host, port), token)
+        except (socket.gaierror, UnicodeError) as error:
+            raise _no_host(host, error) from None
         except OSError as error:
+            if error.errno == errno.EADDRNOTAVAIL:
+                raise _no_host(host, error) from None
             reason = "is in use" if error.errno == errno.EADDRINUSE else f"cannot be used: {error.strerror or error}"
             raise InputError(
                 f"the dashboard's port {port} {reason}", "give another one with --dashboard-port (parameter port)"
@@ -58,8 +69,9 @@ class Server:
 
     @property
     def url(self) -> str:
-        """The address of the page."""
-        return f"http://{ADDRESS}:{self._http.server_port}/"
+        """The address of the page, with its token."""
+        host = _outward_address() if self._host == ANY_ADDRESS else self._host
+        return f"http://{host}:{self._http.server_port}{self._http.root}"
 
     def close(self) -> None:
         """Stop answering, end open connections and release the port."""
@@ -69,17 +81,35 @@ class Server:
         self._http.disconnect()
 
 
+def _no_host(host: str, error: Exception) -> InputError:
+    return InputError(
+        f"the dashboard's host {host!r} is no address of this machine ({error})",
+        f"give one of its addresses, or {ANY_ADDRESS} for all (--dashboard-host, parameter host)",
+    )
+
+
+def _outward_address() -> str:
+    """Return the address that others are likely to reach this machine by; no packet is sent to find it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # reserved for documentation (RFC 5737)
+        except OSError:  # no network
+            return ADDRESS
+        return str(probe.getsockname()[0])
+
+
 class _Http(ThreadingHTTPServer):
     daemon_threads = True
     block_on_close = False
     # socketserver's own is 5: of more connections at once than that, the others try again after seconds.
     request_queue_size = 2 * _MOST_CONNECTIONS
 
-    def __init__(self, report: LiveReport, page: bytes, port: int) -> None:
+    def __init__(self, report: LiveReport, page: bytes, address: tuple[str, int], token: str) -> None:
         self.report, self.page = report, page
+        self.root = f"/{token}/" if token else "/"
         self._connections: set[socket.socket] = set()
         self._lock = threading.Lock()
-        super().__init__((ADDRESS, port), _Handler)
+        super().__init__(address, _Handler)
 
     def process_request(self, request: Any, client_address: Any) -> None:
         """Answer on a new thread, or close the connection if there are too many."""
@@ -118,18 +148,16 @@ class _Handler(BaseHTTPRequestHandler):
     server_version, sys_version = "weld-force", ""
 
     def do_GET(self) -> None:
-        """Answer a request that names this machine."""
-        hosts = self.headers.get_all("Host") or []
-        ours = {known for name in _HOSTS for known in (name, f"{name}:{self.server.server_port}")}
-        if len(hosts) != 1 or hosts[0].lower() not in ours:
+        """Answer a request that names this machine, or knows the token."""
+        if self.server.root == "/" and not self._names_this_machine:
             self._answer(HTTPStatus.FORBIDDEN, "text/plain", b"This dashboard answers to this machine's name only.\n")
             return
-        report = self.server.report
+        report, asked = self.server.report, self._asked
         if self._is_page:
             self._answer(HTTPStatus.OK, "text/html; charset=utf-8", self.server.page)
-        elif matched := _ROWS.fullmatch(self.path):
+        elif matched := _ROWS.fullmatch(asked):
             self._answer(HTTPStatus.OK, "application/json", report.rows_after(int(matched["after"] or 0)))
-        elif (matched := _WELD.fullmatch(self.path)) and (detail := report.detail(int(matched["number"]))) is not None:
+        elif (matched := _WELD.fullmatch(asked)) and (detail := report.detail(int(matched["number"]))) is not None:
             self._answer(HTTPStatus.OK, "application/gzip", detail)
         else:
             self._answer(HTTPStatus.NOT_FOUND, "text/plain", b"There is nothing here.\n")
@@ -143,8 +171,20 @@ class _Handler(BaseHTTPRequestHandler):
     do_POST = do_PUT = do_PATCH = do_DELETE = do_OPTIONS = _refuse  # noqa: N815
 
     @property
+    def _names_this_machine(self) -> bool:
+        hosts = self.headers.get_all("Host") or []
+        ours = {known for name in _HOSTS for known in (name, f"{name}:{self.server.server_port}")}
+        return len(hosts) == 1 and hosts[0].lower() in ours
+
+    @property
+    def _asked(self) -> str:
+        """Return the path below the page's address; empty where that is not known to who asks."""
+        path, root = getattr(self, "path", "").encode(), self.server.root.encode()
+        return (b"/" + path[len(root) :]).decode() if hmac.compare_digest(path[: len(root)], root) else ""
+
+    @property
     def _is_page(self) -> bool:
-        return getattr(self, "path", "").partition("?")[0] == "/"
+        return self._asked.partition("?")[0] == "/"
 
     def _answer(self, status: HTTPStatus, content_type: str, content: bytes, **headers: str) -> None:
         self.send_response(status)

@@ -128,7 +128,10 @@ PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
     ),
     "dashboard_node": (
         _AUTOSTART,
-        NodeParameter("port", 8765, "port on 127.0.0.1 that the page is served on; 0: any that is free", 0, 65_535),
+        NodeParameter("port", 8765, "port that the page is served on; 0: any that is free", 0, 65_535),
+        NodeParameter(
+            "host", "127.0.0.1", "address that it is served on; any other than 127.0.0.1 puts a token into the address"
+        ),
     ),
     "trolley_node": (
         _AUTOSTART,

@@ -1,9 +1,12 @@
 """Node dashboard_node: shows what the other nodes publish on a page of this machine; publishes no result itself."""
 
+import sys
 import tempfile
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+import segno
 
 from weld_force_ros.messages import (
     AssessmentSettings,
@@ -17,7 +20,7 @@ from weld_force_ros.messages import (
 )
 from weld_force_ros.report.html_page import page
 from weld_force_ros.report.live_report import NEWEST, LiveReport
-from weld_force_ros.report.live_server import Server
+from weld_force_ros.report.live_server import ADDRESS, Server
 from weld_force_ros.ros.contract_topics import ContractTopics
 from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
 from weld_force_ros.ros.serialized_messages import SerializedMessage
@@ -52,7 +55,7 @@ class DashboardNode(LifecycleNodeBase):
             "dashboard", self._take, self.topics.report_problem, on_room=self.wake
         )
         self._resources.callback(self._worker.close, CLOSE_S)
-        server = Server(self._report, html, values["port"])
+        server = Server(self._report, html, values["port"], values["host"])
         self._resources.callback(server.close)
         self.url = server.url
         self.topics.diagnostics.queue_length = lambda: self._worker.pending
@@ -61,6 +64,8 @@ class DashboardNode(LifecycleNodeBase):
         for kind in _SHOWN:
             self.topics.subscribe(kind, partial(self._queue, kind))
         self.get_logger().info(f"dashboard: {self.url}")
+        if values["host"] != ADDRESS and sys.stderr.isatty():
+            segno.make(self.url).terminal(sys.stderr, compact=True)  # for the tablet's camera
 
     @property
     def _has_room(self) -> bool:
