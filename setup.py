@@ -6,7 +6,7 @@ from glob import glob
 from setuptools import Distribution, setup
 
 NAME = "weld_force_ros"
-NODES = ("profile_node", "simulator_node", "assessment_node", "trolley_node", "dashboard_node")
+NODES = ("profile_node", "simulator_node", "assessment_node", "trolley_node", "dashboard_node", "foxglove_node")
 
 
 class DataInEditable(Distribution):

@@ -106,7 +106,7 @@ def test_plots_are_of_numbers_and_as_many_x_as_y():
             continue
         paths = [series["value"] for series in config["paths"]]
         assert {schema_of(path)["type"] for path in paths} <= {"number", "integer"}
-        if config["xAxisVal"] == "currentCustom":
+        if config["xAxisVal"] in ("currentCustom", "custom"):  # of the newest message, of all
             x = config["xAxisPath"]["value"]
             assert schema_of(x)["type"] == "number"
             assert {path.count("[:]") for path in (x, *paths)} == {1}

@@ -45,6 +45,12 @@ class SuiteOptions:
             " for all. Only who has the page's address, with its token, is answered; it is not encrypted.",
         ),
     ] = None
+    foxglove: Annotated[
+        bool, typer.Option("--foxglove", help="Also stream all topics to Foxglove or Lichtblick on this machine.")
+    ] = False
+    foxglove_port: Annotated[
+        int | None, typer.Option(metavar="PORT", help="Where --foxglove is connected to (default: 8766).")
+    ] = None
 
 
 @with_option_groups()
@@ -66,6 +72,8 @@ def up(
     for name, value in served.items():
         if value is not None and not suite.dashboard:
             raise InputError(f"--dashboard-{name} says where a dashboard is served", "add --dashboard")
+    if suite.foxglove_port is not None and not suite.foxglove:
+        raise InputError("--foxglove-port says where Foxglove connects to", "add --foxglove")
     given: dict[str, dict[str, Any]] = {
         "profile": {"folder": suite.folder, "detect_welds": suite.detect_welds, **vars(measurement)},
         "simulator": {
@@ -76,6 +84,7 @@ def up(
         },
         "assessment": {"limits": limits, "bag": suite.bag},
         **({"dashboard": served} if suite.dashboard else {}),
+        **({"foxglove": {"port": suite.foxglove_port}} if suite.foxglove else {}),
     }
     stated = read_parameter_file(suite.config) if suite.config is not None else {}
     parameters = {
@@ -98,7 +107,9 @@ def up(
 
 def node(
     context: typer.Context,
-    kind: Annotated[str, typer.Argument(metavar="profile|simulator|assessment|trolley|dashboard", help="Which node.")],
+    kind: Annotated[
+        str, typer.Argument(metavar="profile|simulator|assessment|trolley|dashboard|foxglove", help="Which node.")
+    ],
 ) -> None:
     """Run one node until SIGINT or SIGTERM; `--ros-args …` as on any ROS command line."""
     launcher = ros_module("launcher")

@@ -131,7 +131,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def profile_node() -> int:
-    """Run the profile node: a console command of a ROS installation, as the next four."""
+    """Run the profile node: a console command of a ROS installation, as the next five."""
     return main(["profile", *sys.argv[1:]])
 
 
@@ -153,6 +153,11 @@ def trolley_node() -> int:
 def dashboard_node() -> int:
     """Run the dashboard node."""
     return main(["dashboard", *sys.argv[1:]])
+
+
+def foxglove_node() -> int:
+    """Run the Foxglove node."""
+    return main(["foxglove", *sys.argv[1:]])
 
 
 if __name__ == "__main__":

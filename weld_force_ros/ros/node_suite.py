@@ -31,11 +31,11 @@ from weld_force_ros.ros.nodes.simulator_node import SimulatorNode
 from weld_force_ros.ros.nodes.trolley_node import TrolleyNode
 from weld_force_ros.simulation import simulator
 
-Kind = Literal["trolley", "profile", "simulator", "assessment", "dashboard"]
+Kind = Literal["trolley", "profile", "simulator", "assessment", "dashboard", "foxglove"]
 
 KINDS: tuple[Kind, ...] = ("profile", "simulator", "assessment")
 """The nodes of the suite, in the order in which messages pass them."""
-ALL_KINDS: tuple[Kind, ...] = ("trolley", *KINDS, "dashboard")
+ALL_KINDS: tuple[Kind, ...] = ("trolley", *KINDS, "dashboard", "foxglove")
 DRAIN_S = 30.0
 _POLL_S = 0.02
 """Pause between two looks at a condition that has no event of its own."""
@@ -208,6 +208,8 @@ class NodeSuite:
                 return TrolleyNode(**options)
             if kind == "dashboard":
                 return DashboardNode(**options)
+            if kind == "foxglove":
+                return _foxglove_node(**options)
             if kind == "profile":
                 return ProfileNode(**options)
             if kind == "simulator":
@@ -241,6 +243,16 @@ class NodeSuite:
             if receiver == taker and sender in self.nodes and self.nodes[sender].configured
             for message in messages
         )
+
+
+def _foxglove_node(**options: Any) -> LifecycleNodeBase:
+    try:
+        from weld_force_ros.ros.nodes.foxglove_node import FoxgloveNode
+    except ModuleNotFoundError as error:
+        raise InputError(
+            f"streaming to Foxglove needs {error.name}", "install it with `pip install 'weld_force_ros[foxglove]'`"
+        ) from None
+    return FoxgloveNode(**options)
 
 
 def in_flow_order(kinds: Iterable[Kind]) -> tuple[Kind, ...]:

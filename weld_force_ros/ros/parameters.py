@@ -133,6 +133,10 @@ PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
             "host", "127.0.0.1", "address that it is served on; any other than 127.0.0.1 puts a token into the address"
         ),
     ),
+    "foxglove_node": (
+        _AUTOSTART,
+        NodeParameter("port", 8766, "port on 127.0.0.1 that Foxglove connects to; 0: any that is free", 0, 65_535),
+    ),
     "trolley_node": (
         _AUTOSTART,
         NodeParameter("seed", 1, "of the simulated rail and of what goes wrong on it", 0, 2**31 - 1),

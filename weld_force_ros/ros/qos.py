@@ -48,6 +48,7 @@ CONTRACT = _reliable(_LATCHED)
 PLOT = _reliable(_LATCHED, 100)
 DIAGNOSTICS = _reliable(_LIVE, 10)
 STREAM = _reliable(_LIVE)
+BEST_EFFORT = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.BEST_EFFORT)
 RESENT = _reliable(_LATCHED, 16)
 
 

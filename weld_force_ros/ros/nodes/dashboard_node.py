@@ -6,8 +6,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import segno
-
 from weld_force_ros.messages import (
     AssessmentSettings,
     ForceHistory,
@@ -65,6 +63,8 @@ class DashboardNode(LifecycleNodeBase):
             self.topics.subscribe(kind, partial(self._queue, kind))
         self.get_logger().info(f"dashboard: {self.url}")
         if values["host"] != ADDRESS and sys.stderr.isatty():
+            import segno
+
             segno.make(self.url).terminal(sys.stderr, compact=True)  # for the tablet's camera
 
     @property

@@ -11,7 +11,7 @@ import msgspec
 from msgspec import UNSET, UnsetType
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
@@ -31,7 +31,6 @@ from weld_force_ros.ros.worker import BackPressureGroup, Worker
 CAPTURE_SERVICE = "capture_weld"
 
 _LOOK_EVERY_S = 1.0
-_BEST_EFFORT = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class TrolleyInput:
@@ -135,7 +134,7 @@ class TrolleyInput:
     def _accept_best_effort(self) -> None:
         """Subscribe once more with best effort: a driver that publishes so sends nothing to reliable subscribers."""
         if len(self._samples) == 2:
-            self._samples.append(self._subscribe_to_points(_BEST_EFFORT))
+            self._samples.append(self._subscribe_to_points(qos.BEST_EFFORT))
             self._node.get_logger().warning(
                 f"a driver publishes {point_cloud.TOPIC} with best effort: what is lost on the way is a gap in the rail"
             )
