@@ -53,6 +53,7 @@ format: $(READY)
 
 schema: $(READY)
 	$(BIN)/weld-force schema --write msgs_json --config weld_force_ros/data/config
+	$(BIN)/python -m benchmarks.interface_page > docs/nodes.md
 
 $(READY): pyproject.toml constraints.txt setup.py setup.cfg package.xml launch/weld_force.launch.py
 	$(PYTHON) -c 'import sys; sys.exit(0 if (3, 11) <= sys.version_info[:2] < (3, 14) else "Python 3.11 to 3.13 is needed; name it: make PYTHON=python3.12")'
