@@ -1,7 +1,7 @@
 """Say what a hanging sleeper would do to a verdict: the usual companion of a bad weld, and seldom known.
 
 Welds batter the ballast below them. Where nothing is stated about the support, the weld is simulated again with the
-sleeper before it hanging, and with those on both sides: their ballast is left with 2 % of its stiffness.
+sleeper before it hanging, and with those on both sides: their ballast is left with `HANGING_SHARE` of its stiffness.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,6 +11,7 @@ from msgspec.structs import replace as changed
 
 from weld_force_ros.assessment.judge import judge
 from weld_force_ros.messages import (
+    HANGING_SHARE,
     AssessmentSettings,
     HangingOutcome,
     SimulationSettings,
@@ -25,7 +26,7 @@ from weld_force_ros.physics.track.beam import StripRail
 from weld_force_ros.simulation import track_file
 from weld_force_ros.simulation.simulator import Simulator
 
-_SCENARIOS = ("0=0.02", "0=0.02,1=0.02")
+_SCENARIOS = (f"0={HANGING_SHARE}", f"0={HANGING_SHARE},1={HANGING_SHARE}")
 UNKNOWN = (
     "All sleepers are taken to rest on their ballast; one that hangs beside the weld commonly adds 10 to 30 % to the"
     " peak: look under it"

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.messages import HANGING_SHARE
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.wheel_path import wheel_path_over
@@ -19,11 +20,12 @@ from weld_force_ros.studies.result_table import Column, Table
 from weld_force_ros.studies.study_context import Picture, Quantities, StudyResult, grid_rows
 
 TRACKS = ("bilbao-viscous", "johansson-nielsen")
-HANGING = 0.02
 SUPPORTS = {
     "all rest": LocalSupports(()),
-    "the sleeper before the weld hangs": LocalSupports.of([SupportChange(0, HANGING)]),
-    "both sleepers beside the weld hang": LocalSupports.of([SupportChange(0, HANGING), SupportChange(1, HANGING)]),
+    "the sleeper before the weld hangs": LocalSupports.of([SupportChange(0, HANGING_SHARE)]),
+    "both sleepers beside the weld hang": LocalSupports.of(
+        [SupportChange(0, HANGING_SHARE), SupportChange(1, HANGING_SHARE)]
+    ),
 }
 SHAPES = {"dip of 0.2 mm over 200 mm": (0.2e-3, 0.2), "rise of 0.2 mm over 120 mm": (-0.2e-3, 0.12)}
 _GRID_STEP_M = 0.5e-3
