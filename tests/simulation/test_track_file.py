@@ -149,8 +149,8 @@ def test_a_file_that_states_its_steel_states_its_loss():
         ("    - mass_kg: 150\n", "", "supports.layers are spring, spring, mass, spring; from rail to ground"),
         ("    - spring: {table: [[10, 90, 0.1], [1000, 120, 0.2]]}\n", "", "supports.layers are mass, spring"),
         ("mass_kg: 150", "mass_kg: -150", "supports.layers[2].mass_kg is -150"),
-        ("- mass_kg: 150", "- {mass_kg: 150, spring: {stiffness_kn_per_mm: 1}}", "layers[2] is not one spring or"),
-        ("- mass_kg: 150", "- {}", "supports.layers[2] is not one spring or mass_kg"),
+        ("- mass_kg: 150", "- {mass_kg: 150, spring: {stiffness_kn_per_mm: 1}}", "[2] is not one spring, mass_kg or"),
+        ("- mass_kg: 150", "- {}", "supports.layers[2] is not one spring, mass_kg or sleeper"),
         ("{stiffness_kn_per_mm: 60, damping", "{damping", "supports.layers[3].spring.stiffness_kn_per_mm is missing"),
         (", damping_kns_per_m: 30", "", "supports.layers[3].spring has no damping"),
         ("damping_kns_per_m: 30", "width_m: 0.2", "supports.layers[3].spring.width_m is not of the spring under"),
@@ -174,6 +174,36 @@ def test_layers_and_rails_that_cannot_be_are_refused_with_one_line(old: str, new
     assert str(caught.value).startswith("track file mine.yaml:")
     assert "\n" not in str(caught.value)
     assert caught.value.remedy
+
+
+SLEEPER = (
+    "    - sleeper: {mass_kg: 286, length_m: 2.6, seat_spacing_m: 1.5, area_cm2: 452, second_moment_cm4: 12167,"
+    " youngs_modulus_gpa: 46.3, shear_modulus_gpa: 19.3, loss_factor: 0.016, bed: seats}\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("mass_kg: 286", "mass_kg: 0", "supports.layers[2].sleeper.mass_kg is 0; give a number from"),
+        (
+            "seat_spacing_m: 1.5",
+            "seat_spacing_m: 2.7",
+            "supports.layers[2].sleeper.seat_spacing_m is 2.7; give",
+        ),
+        ("length_m: 2.6", "length_m: 260", "supports.layers[2].sleeper.length_m is 260"),
+        ("area_cm2: 452, ", "", "area_cm2"),
+        ("bed: seats", "bed: ends", "ends"),
+        ("- sleeper:", "- mass_kg: 9\n      sleeper:", "supports.layers[2] is not one spring, mass_kg or sleeper"),
+    ],
+)
+def test_sleepers_that_cannot_be_are_refused_with_one_line(old: str, new: str, complaint: str):
+    text = LAYERED.replace("    - mass_kg: 150\n", SLEEPER)
+    assert track_file.parse(text, "mine.yaml").track.support.mass_kg == pytest.approx(143)
+    assert old in text
+    with pytest.raises(TrackError, match=re.escape(complaint)) as caught:
+        track_file.parse(text.replace(old, new, 1), "mine.yaml")
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("name", track_file.shipped())

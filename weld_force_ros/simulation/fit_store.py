@@ -160,7 +160,7 @@ def _identity(track: Track) -> dict[str, Any]:
     if not track.pad_width_m:
         del fields["pad_width_m"]
     match track.support:
-        case Support(springs=(Spring() as pad, Spring() as ballast), masses_kg=(sleeper_mass_kg,)):
+        case Support(springs=(Spring() as pad, Spring() as ballast), masses_kg=(float() as sleeper_mass_kg,)):
             del fields["support"]
             fields |= {"pad": asdict(pad), "sleeper_mass_kg": sleeper_mass_kg, "ballast": asdict(ballast)}
     return fields

@@ -12,6 +12,7 @@ from weld_force_ros.physics.engines.common_poles import BAND_HZ
 from weld_force_ros.physics.engines.greens_function import GreensFunctionModel
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.wheel import Wheel
+from weld_force_ros.physics.track.bending_sleeper import BendingSleeper
 from weld_force_ros.physics.track.causality import acausal
 from weld_force_ros.physics.track.local_support import LocalSupports, SupportChange
 from weld_force_ros.physics.track.support import Spring
@@ -143,7 +144,13 @@ def local_supports(states: tuple[SupportState, ...]) -> LocalSupports:
 
 
 def _check_gaps(definition: TrackDefinition, supports: LocalSupports) -> None:
-    springs = definition.track.support.springs
+    support = definition.track.support
+    springs = support.springs
+    if supports.hanging and any(isinstance(mass, BendingSleeper) for mass in support.masses_kg):
+        raise InputError(
+            f"track {definition.track.name}: a sleeper over a gap cannot bend here",
+            "use a track with half_sleeper_mass_kg, or bound it: SLEEPER=0 hangs free, SLEEPER=1 always rests",
+        )
     if supports.hanging and (len(springs) != 2 or not isinstance(springs[-1], Spring) or not springs[-1].causal):
         raise InputError(
             f"track {definition.track.name}: a sleeper over a gap needs ballast with a dashpot right below it",

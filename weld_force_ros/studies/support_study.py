@@ -1,4 +1,4 @@
-"""Study `support`: what one and two hanging sleepers do over speed and place, on two tracks."""
+"""Study `support`: what one and two hanging sleepers do over speed and place, and what sleepers that bend do."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from weld_force_ros.physics.track.local_support import LocalSupports, SupportCha
 from weld_force_ros.report.figures import new_figure
 from weld_force_ros.simulation import fit_store, track_file
 from weld_force_ros.simulation.track_file import TrackDefinition
-from weld_force_ros.studies import StartProgress, no_progress
+from weld_force_ros.studies import StartProgress, bending_sleepers, no_progress
 from weld_force_ros.studies.figure_style import COLOURS, legend_above
 from weld_force_ros.studies.result_table import Column, Table
 from weld_force_ros.studies.study_context import Picture, Quantities, StudyResult, grid_rows
@@ -45,7 +45,7 @@ def run(
     start_progress: StartProgress = no_progress,
     on_fit: Callable[[str], None] = lambda text: None,
 ) -> StudyResult:
-    """Compute peak forces over a dip and a rise with all sleepers at rest, and with one and two hanging.
+    """Compute peak forces with sleepers at rest, one and two hanging, and with sleepers that bend and rigid ones.
 
     Args:
         coarse: a third of the speeds and positions.
@@ -53,7 +53,7 @@ def run(
         on_fit: called with a line of text if a fit has to be made.
     """
     speeds_kmh = np.arange(40.0, 301.0, 20.0 if coarse else 5.0)
-    done = start_progress("tracks", len(TRACKS))
+    done = start_progress("tracks", len(TRACKS) + 1)
     pictures: list[Picture] = []
     tables: dict[str, Table] = {}
     measured: Quantities = {}
@@ -69,7 +69,10 @@ def run(
                 measured[f"support.{key}.{count}.least"] = float(more.min())
                 measured[f"support.{key}.{count}.most"] = float(more.max())
         done()
-    return StudyResult("support", "Hanging sleepers", pictures, tables, measured)
+    bending = bending_sleepers.changes(speeds_kmh, 7 if coarse else 16, on_fit=on_fit)
+    done()
+    tables["bending-sleepers"] = bending_sleepers.table(bending)
+    return StudyResult("support", "Supports", pictures, tables, measured)
 
 
 def _track(name: str, on_fit: Callable[[str], None]) -> _Track:
