@@ -86,7 +86,7 @@ def test_rail_spacing_and_mass_can_be_others(hammer_test: Path, tmp_path: Path):
         (["--band", "900:100"], "no band of positive frequencies"),
         (["--band", "30:60"], "hammer.csv: 4 frequencies of 30 to 60 Hz; give another --band: 10 are needed"),
         (["--damping", "oil"], "--damping 'oil' is not known"),
-        (["--like", "nowhere"], "track 'nowhere' is neither bundled nor a YAML file"),
+        (["--like", "nowhere"], "no track 'nowhere'; use bending-sleepers, bilbao"),
         (["--like", "embedded-rail"], "has no sleepers between pad and ballast; give --half-sleeper-mass"),
         (["--rail", "99X"], "rail.mass_kg_per_m is missing"),
         (["--spacing", "60"], "supports.spacing_m is 60; give a number from 0.2 to 2"),

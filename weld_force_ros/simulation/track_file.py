@@ -82,9 +82,7 @@ def load(name_or_path: str) -> TrackDefinition:
         return parse((_DATA / "tracks" / f"{name_or_path}.yaml").read_text(encoding="utf-8"), name_or_path)
     path = Path(name_or_path)
     if path.suffix.lower() not in (".yaml", ".yml") or not os.path.isfile(path):  # Path.is_file raises on long names
-        raise TrackError(
-            f"track {name_or_path!r} is neither bundled nor a YAML file", f"use {', '.join(shipped())} or FILE.yaml"
-        )
+        raise TrackError(f"no track {name_or_path!r}", f"use {', '.join(shipped())} or a FILE.yaml")
     try:
         text = _yaml.read(path).decode()
     except (OSError, ValueError) as error:
