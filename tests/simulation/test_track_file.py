@@ -9,8 +9,10 @@ import pytest
 import yaml
 
 from weld_force_ros.errors import InputError, TrackError
+from weld_force_ros.physics.passage.hertz import ContactRadii
 from weld_force_ros.physics.track.support import Spring, Support, TabulatedSpring
 from weld_force_ros.simulation import fit_store, section_file, track_file
+from weld_force_ros.simulation.settings import simulation_settings
 
 BILBAO = track_file.load("bilbao").text
 
@@ -174,6 +176,44 @@ def test_layers_and_rails_that_cannot_be_are_refused_with_one_line(old: str, new
     assert str(caught.value).startswith("track file mine.yaml:")
     assert "\n" not in str(caught.value)
     assert caught.value.remedy
+
+
+RADII = LAYERED.replace("hertz_gn_per_m15: 88", "transverse_radius_m: 5").replace(
+    "section: 136RE", "section: 136RE, crown_radius_m: 0.25"
+)
+
+
+def test_hertz_constant_of_a_track_follows_from_radii(tmp_path: Path):
+    found = track_file.parse(RADII, "mine.yaml")
+    assert found.wheel.hertz_n_per_m15 == ContactRadii(found.wheel.radius_m, 0.25, 5.0).hertz_n_per_m15
+    path = tmp_path / "mine.yaml"
+    path.write_text(RADII)
+    settings = simulation_settings(track=str(path), wheel_radius_m=0.42)
+    assert settings.hertz_n_per_m15 == ContactRadii(0.42, 0.25, 5.0).hertz_n_per_m15
+    assert simulation_settings(track=str(path), hertz_n_per_m15=9e10).hertz_n_per_m15 == 9e10
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("transverse_radius_m: 5", "hertz_gn_per_m15: 90", "wheel.hertz_gn_per_m15 beside rail.crown_radius_m"),
+        (", crown_radius_m: 0.25", "", "wheel.transverse_radius_m without rail.crown_radius_m; give both"),
+        ("crown_radius_m: 0.25", "crown_radius_m: 25", "rail.crown_radius_m is 25; give a number from 0.05 to 2"),
+        ("transverse_radius_m: 5", "transverse_radius_m: -0.25", "wheel.transverse_radius_m is -0.25, hollower than"),
+        ("transverse_radius_m: 5", "transverse_radius_m: 0", "wheel.transverse_radius_m is 0"),
+        ("section: 136RE, crown_radius_m: 0.25", "section: 136RE", "wheel.transverse_radius_m without"),
+    ],
+)
+def test_radii_that_cannot_be_are_refused_with_one_line(old: str, new: str, complaint: str):
+    assert old in RADII
+    with pytest.raises(TrackError, match=re.escape(complaint)) as caught:
+        track_file.parse(RADII.replace(old, new, 1), "mine.yaml")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_wheel_needs_its_hertz_constant_or_a_crown():
+    with pytest.raises(TrackError, match=r"wheel\.hertz_gn_per_m15 is missing; give it, or rail\.crown_radius_m"):
+        track_file.parse(LAYERED.replace(", hertz_gn_per_m15: 88", ""), "mine.yaml")
 
 
 SLEEPER = (
