@@ -3,6 +3,7 @@ from msgspec import UNSET
 from msgspec.structs import replace as changed
 
 from weld_force_ros import shipped_profile, simulation_settings
+from weld_force_ros.assessment import hanging
 from weld_force_ros.assessment.hanging import UNKNOWN, HangingSleepers, hanging_in_words, support_sentences
 from weld_force_ros.assessment.judge import assess
 from weld_force_ros.assessment.rule_books import load_limits
@@ -48,3 +49,11 @@ def test_a_verdict_says_what_it_may_hide(profile):
     verdict = assess(profile, Simulator(SETTINGS), load_limits(None)).verdict
     assert support_sentences(verdict, UNSET) == [UNKNOWN]
     assert "2 % of its support" in support_sentences(verdict, parse_support("0=0.02"))[0]
+
+
+def test_nothing_is_fitted_before_a_weld_is_asked_about(profile, monkeypatch):
+    made: list[str] = []
+    monkeypatch.setattr(hanging, "Simulator", lambda *_args, **_kwargs: made.append("simulator"))
+    asked = HangingSleepers(SETTINGS, load_limits(None))
+    asked.outcomes(changed(profile, support=parse_support("0=0.5")))
+    assert made == []

@@ -104,18 +104,9 @@ def passage(
     return Passage(x, force, of_wheel, of_rail)
 
 
-def peak(
-    track: Track,
-    wheel: Wheel,
-    wheel_path: WheelPath | None,
-    speed_kmh: float,
-    position_m: float = 0.0,
-    supports: Supports = AS_BUILT,
-    resolution: Resolution = CONVERGED,
-) -> Peak:
-    """Return the greatest and least contact force of `passage` within the window, by a parabola between steps."""
-    done = passage(track, wheel, wheel_path, speed_kmh, position_m, supports, resolution)
-    first, last = (spans * track.spacing_m for spans in PEAK_WINDOW_SPANS)
+def peak(done: Passage, span_m: float) -> Peak:
+    """Return the greatest and least contact force within the window, by a parabola between steps."""
+    first, last = (spans * span_m for spans in PEAK_WINDOW_SPANS)
     inside = np.flatnonzero((done.x_m >= first) & (done.x_m <= last))
     n = int(inside[np.argmax(done.force_n[inside])])
     before, top, after = done.force_n[n - 1 : n + 2]

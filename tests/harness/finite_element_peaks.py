@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.harness.finite_element_passage import Peak, peak
+from tests.harness.finite_element_passage import Peak, passage, peak
 from tests.harness.finite_elements import AS_BUILT, Supports
 from weld_force_ros.measurement.shapes import cosine_dip
 from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
@@ -73,7 +73,8 @@ def computed(case: Case) -> Peak:
     definition = track_file.load(case.track)
     position_m = case.position_spans * definition.track.spacing_m
     path, supports = wheel_path(case.shape), SUPPORTS[case.supports]
-    return peak(definition.track, definition.wheel, path, case.speed_kmh, position_m, supports)
+    done = passage(definition.track, definition.wheel, path, case.speed_kmh, position_m, supports)
+    return peak(done, definition.track.spacing_m)
 
 
 def read() -> dict[Case, Peak]:

@@ -9,8 +9,10 @@ import pytest
 import yaml
 
 from weld_force_ros.errors import InputError, TrackError
+from weld_force_ros.physics.passage.hertz import ContactRadii
 from weld_force_ros.physics.track.support import Spring, Support, TabulatedSpring
 from weld_force_ros.simulation import fit_store, section_file, track_file
+from weld_force_ros.simulation.settings import simulation_settings
 
 BILBAO = track_file.load("bilbao").text
 
@@ -149,8 +151,8 @@ def test_a_file_that_states_its_steel_states_its_loss():
         ("    - mass_kg: 150\n", "", "supports.layers are spring, spring, mass, spring; from rail to ground"),
         ("    - spring: {table: [[10, 90, 0.1], [1000, 120, 0.2]]}\n", "", "supports.layers are mass, spring"),
         ("mass_kg: 150", "mass_kg: -150", "supports.layers[2].mass_kg is -150"),
-        ("- mass_kg: 150", "- {mass_kg: 150, spring: {stiffness_kn_per_mm: 1}}", "layers[2] is not one spring or"),
-        ("- mass_kg: 150", "- {}", "supports.layers[2] is not one spring or mass_kg"),
+        ("- mass_kg: 150", "- {mass_kg: 150, spring: {stiffness_kn_per_mm: 1}}", "[2] is not one spring, mass_kg or"),
+        ("- mass_kg: 150", "- {}", "supports.layers[2] is not one spring, mass_kg or sleeper"),
         ("{stiffness_kn_per_mm: 60, damping", "{damping", "supports.layers[3].spring.stiffness_kn_per_mm is missing"),
         (", damping_kns_per_m: 30", "", "supports.layers[3].spring has no damping"),
         ("damping_kns_per_m: 30", "width_m: 0.2", "supports.layers[3].spring.width_m is not of the spring under"),
@@ -174,6 +176,74 @@ def test_layers_and_rails_that_cannot_be_are_refused_with_one_line(old: str, new
     assert str(caught.value).startswith("track file mine.yaml:")
     assert "\n" not in str(caught.value)
     assert caught.value.remedy
+
+
+RADII = LAYERED.replace("hertz_gn_per_m15: 88", "transverse_radius_m: 5").replace(
+    "section: 136RE", "section: 136RE, crown_radius_m: 0.25"
+)
+
+
+def test_hertz_constant_of_a_track_follows_from_radii(tmp_path: Path):
+    found = track_file.parse(RADII, "mine.yaml")
+    assert found.wheel.hertz_n_per_m15 == ContactRadii(found.wheel.radius_m, 0.25, 5.0).hertz_n_per_m15
+    path = tmp_path / "mine.yaml"
+    path.write_text(RADII)
+    settings = simulation_settings(track=str(path), wheel_radius_m=0.42)
+    assert settings.hertz_n_per_m15 == ContactRadii(0.42, 0.25, 5.0).hertz_n_per_m15
+    assert simulation_settings(track=str(path), hertz_n_per_m15=9e10).hertz_n_per_m15 == 9e10
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("transverse_radius_m: 5", "hertz_gn_per_m15: 90", "wheel.hertz_gn_per_m15 beside rail.crown_radius_m"),
+        (", crown_radius_m: 0.25", "", "wheel.transverse_radius_m without rail.crown_radius_m; give both"),
+        ("crown_radius_m: 0.25", "crown_radius_m: 25", "rail.crown_radius_m is 25; give a number from 0.05 to 2"),
+        ("transverse_radius_m: 5", "transverse_radius_m: -0.25", "wheel.transverse_radius_m is -0.25, hollower than"),
+        ("transverse_radius_m: 5", "transverse_radius_m: 0", "wheel.transverse_radius_m is 0"),
+        ("section: 136RE, crown_radius_m: 0.25", "section: 136RE", "wheel.transverse_radius_m without"),
+    ],
+)
+def test_radii_that_cannot_be_are_refused_with_one_line(old: str, new: str, complaint: str):
+    assert old in RADII
+    with pytest.raises(TrackError, match=re.escape(complaint)) as caught:
+        track_file.parse(RADII.replace(old, new, 1), "mine.yaml")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_wheel_needs_its_hertz_constant_or_a_crown():
+    with pytest.raises(TrackError, match=r"wheel\.hertz_gn_per_m15 is missing; give it, or rail\.crown_radius_m"):
+        track_file.parse(LAYERED.replace(", hertz_gn_per_m15: 88", ""), "mine.yaml")
+
+
+SLEEPER = (
+    "    - sleeper: {mass_kg: 286, length_m: 2.6, seat_spacing_m: 1.5, area_cm2: 452, second_moment_cm4: 12167,"
+    " youngs_modulus_gpa: 46.3, shear_modulus_gpa: 19.3, loss_factor: 0.016, bed: seats}\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("mass_kg: 286", "mass_kg: 0", "supports.layers[2].sleeper.mass_kg is 0; give a number from"),
+        (
+            "seat_spacing_m: 1.5",
+            "seat_spacing_m: 2.7",
+            "supports.layers[2].sleeper.seat_spacing_m is 2.7; give",
+        ),
+        ("length_m: 2.6", "length_m: 260", "supports.layers[2].sleeper.length_m is 260"),
+        ("area_cm2: 452, ", "", "area_cm2"),
+        ("bed: seats", "bed: ends", "ends"),
+        ("- sleeper:", "- mass_kg: 9\n      sleeper:", "supports.layers[2] is not one spring, mass_kg or sleeper"),
+    ],
+)
+def test_sleepers_that_cannot_be_are_refused_with_one_line(old: str, new: str, complaint: str):
+    text = LAYERED.replace("    - mass_kg: 150\n", SLEEPER)
+    assert track_file.parse(text, "mine.yaml").track.support.mass_kg == pytest.approx(143)
+    assert old in text
+    with pytest.raises(TrackError, match=re.escape(complaint)) as caught:
+        track_file.parse(text.replace(old, new, 1), "mine.yaml")
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("name", track_file.shipped())

@@ -3,6 +3,7 @@
 import pytest
 
 from weld_force_ros.errors import InputError
+from weld_force_ros.physics.passage.hertz import ContactRadii
 from weld_force_ros.simulation import vehicle_file
 from weld_force_ros.simulation.settings import simulation_settings
 
@@ -48,9 +49,48 @@ def test_a_file_of_ones_own(tmp_path):
     assert vehicle.sources == ("weighed",)
 
 
+OWN = "name: railcar\nstatic_load_kn: 45\nunsprung_mass_kg: 500\nwheel_radius_m: 0.385\n"
+
+
+def test_hertz_constant_follows_from_radii_where_they_are_stated(tmp_path):
+    of_track = simulation_settings(track="bilbao")
+    crowned = simulation_settings(track="bilbao", crown_radius_m=0.3)
+    assert crowned.hertz_n_per_m15 == ContactRadii(0.45, 0.3).hertz_n_per_m15
+    assert crowned.contact_patch_m == of_track.contact_patch_m
+    flatter = simulation_settings(track="bilbao", crown_radius_m=0.5)
+    assert flatter.hertz_n_per_m15 == pytest.approx(105.98e9, rel=1e-3)
+    assert flatter.contact_patch_m < of_track.contact_patch_m
+    smaller = simulation_settings(track="bilbao", crown_radius_m=0.3, wheel_radius_m=0.40)
+    assert smaller.hertz_n_per_m15 == ContactRadii(0.40, 0.3).hertz_n_per_m15
+    own = tmp_path / "worn.yaml"
+    own.write_text(OWN + "wheel_transverse_radius_m: {value: -0.5, source: measured}\n")
+    hollow = simulation_settings(track="bilbao", vehicle=str(own))
+    assert hollow.hertz_n_per_m15 == ContactRadii(0.385, 0.3, -0.5).hertz_n_per_m15
+    own.write_text(OWN + "hertz_gn_per_m15: 90\n")
+    assert simulation_settings(track="bilbao", vehicle=str(own)).hertz_n_per_m15 == 90e9
+    assert simulation_settings(track="bilbao", vehicle=str(own), crown_radius_m=0.3).hertz_n_per_m15 < 89.9e9
+
+
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        ({"crown_radius_m": 0.3, "hertz_n_per_m15": 9e10}, "hertz_n_per_m15 beside crown_radius_m, which gives it"),
+        ({"crown_radius_m": 300.0}, "crown_radius_m is 300; give a number from 0.05 to 2"),
+        ({"crown_radius_m": float("nan")}, "crown_radius_m is nan"),
+        ({"crown_radius_m": 0.6}, "a tread of -0.5 m is hollower than the crown of 0.6 m"),
+    ],
+)
+def test_radii_that_cannot_be_are_one_line(given, complaint: str, tmp_path):
+    own = tmp_path / "worn.yaml"
+    own.write_text(OWN + "wheel_transverse_radius_m: -0.5\n")
+    with pytest.raises(InputError, match=complaint):
+        simulation_settings(track="bilbao", vehicle=str(own), **given)
+
+
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
+        (OWN + "hertz_gn_per_m15: 90\nwheel_transverse_radius_m: 0.5\n", "beside wheel_transverse_radius_m"),
         ("name: x\nstatic_load_kn: -1\nunsprung_mass_kg: 1\nwheel_radius_m: 1\n", "static_load_kn"),
         ("name: x\nstatic_load_kn: 1\nunsprung_mass_kg: 1\n", "wheel_radius_m"),
         ("name: x\nstatic_load_kn: 1\nunsprung_mass_kg: 1\nwheel_radius_m: 1\naxles: 4\n", "axles"),

@@ -1,16 +1,18 @@
 """Say what a hanging sleeper would do to a verdict: the usual companion of a bad weld, and seldom known.
 
 Welds batter the ballast below them. Where nothing is stated about the support, the weld is simulated again with the
-sleeper before it hanging, and with those on both sides: their ballast is left with 2 % of its stiffness.
+sleeper before it hanging, and with those on both sides: their ballast is left with `HANGING_SHARE` of its stiffness.
 """
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 
 from msgspec import UNSET, UnsetType
 from msgspec.structs import replace as changed
 
 from weld_force_ros.assessment.judge import judge
 from weld_force_ros.messages import (
+    HANGING_SHARE,
     AssessmentSettings,
     HangingOutcome,
     SimulationSettings,
@@ -25,7 +27,7 @@ from weld_force_ros.physics.track.beam import StripRail
 from weld_force_ros.simulation import track_file
 from weld_force_ros.simulation.simulator import Simulator
 
-_SCENARIOS = ("0=0.02", "0=0.02,1=0.02")
+_SCENARIOS = (f"0={HANGING_SHARE}", f"0={HANGING_SHARE},1={HANGING_SHARE}")
 UNKNOWN = (
     "All sleepers are taken to rest on their ballast; one that hangs beside the weld commonly adds 10 to 30 % to the"
     " peak: look under it"
@@ -50,14 +52,15 @@ class HangingSleepers:
         *,
         on_fit: Callable[[str], None] | None = None,
     ) -> None:
-        self._limits = limits
+        self._settings, self._limits, self._on_fit = settings, limits, on_fit
         track = track_file.parse(settings.track_definition, settings.track).track
-        self._simulator: Simulator | None = None
-        if isinstance(settings.support, UnsetType) and not track.continuous and not isinstance(track.rail, StripRail):
-            nominal = changed(settings, engine="common-poles", uncertainty=UNSET)
-            self._simulator = Simulator(
-                changed(nominal, config_sha256=config_sha256(nominal)), on_fit=on_fit, curves=False
-            )
+        single = not track.continuous and not isinstance(track.rail, StripRail)
+        self._unstated = single and isinstance(settings.support, UnsetType)
+
+    @cached_property
+    def _simulator(self) -> Simulator:
+        nominal = changed(self._settings, engine="common-poles", uncertainty=UNSET)
+        return Simulator(changed(nominal, config_sha256=config_sha256(nominal)), on_fit=self._on_fit, curves=False)
 
     def outcomes(self, profile: WeldProfile) -> list[HangingOutcome]:
         """Return what each scenario comes to; nothing where the support is stated, or no single one can differ.
@@ -65,7 +68,7 @@ class HangingSleepers:
         Raises:
             NumericalError: a passage did not stay finite.
         """
-        if self._simulator is None or not isinstance(profile.support, UnsetType):
+        if not self._unstated or not isinstance(profile.support, UnsetType):
             return []
         found = []
         for support in _SCENARIOS:

@@ -77,6 +77,7 @@ class _CampaignFile(msgspec.Struct, forbid_unknown_fields=True):
     speeds: str | list[float] = DEFAULT_SPEEDS
     positions: int | str | list[float] = DEFAULT_POSITIONS
     engine: str = "common-poles"
+    crown_radius_m: float | None = None
     contact_patch: str = "on"
     running: str = DEFAULT_RUNNING
     support: str = ""
@@ -178,6 +179,7 @@ def _settings(track: str, vehicle: _Vehicle, file: _CampaignFile, folder: Path) 
         static_load_n=vehicle.static_load_n,
         wheel_radius_m=vehicle.radius_m,
         hertz_n_per_m15=vehicle.hertz_n_per_m15,
+        crown_radius_m=file.crown_radius_m if vehicle.hertz_n_per_m15 is None else None,
         contact_patch=file.contact_patch,
         running=file.running,
         support=file.support,

@@ -12,7 +12,7 @@ from typing import Any
 
 import typer
 
-from weld_force_ros.cli import bag, campaign, limits, replay, study
+from weld_force_ros.cli import bag, campaign, limits, replay, study, track
 from weld_force_ros.cli.assess import assess
 from weld_force_ros.cli.bench import bench
 from weld_force_ros.cli.benchmark import benchmark
@@ -45,6 +45,7 @@ for _command in (
     app.command()(_command)
 app.command(context_settings={"ignore_unknown_options": True, "allow_extra_args": True})(node)
 app.add_typer(limits.app, name="limits")
+app.add_typer(track.app, name="track")
 app.add_typer(replay.app, name="replay")
 app.add_typer(bag.app, name="bag")
 app.add_typer(campaign.app, name="campaign")

@@ -63,6 +63,10 @@ class SimulationOptions:
     static_load_n: Annotated[float | None, typer.Option("--static-load", help="Static wheel load, N.")] = None
     wheel_radius_m: Annotated[float | None, typer.Option("--wheel-radius", help="Rolling radius, m.")] = None
     hertz_n_per_m15: Annotated[float | None, typer.Option("--hertz", help="Hertz constant, N/m^1.5.")] = None
+    crown_radius_m: Annotated[
+        float | None,
+        typer.Option("--crown-radius", help="Transverse radius of the rail head, m: the Hertz constant follows."),
+    ] = None
     contact_patch: Annotated[
         str | None,
         typer.Option(metavar="on|off", help="Average the rail's heights over the contact patch; default: on."),

@@ -144,7 +144,7 @@ def study_rail(
 
 @app.command("support")
 def study_support(out: Out, quick: Quick = False, json: Json = None) -> None:
-    """Show what one and two hanging sleepers do to the peak force over a dip and a rise, on two tracks (a minute)."""
+    """Show what hanging sleepers do to the peak force on two tracks, and sleepers that bend (a minute)."""
     from weld_force_ros.cli import terminal
     from weld_force_ros.studies import gallery, support_study
 
@@ -163,6 +163,7 @@ def study_support(out: Out, quick: Quick = False, json: Json = None) -> None:
     with json_output.lines(json) as lines:
         json_output.write(lines, found.measured)
     terminal.show_table(support_study.summary(found))
+    terminal.show_table(found.tables["bending-sleepers"])
     _say_where([shown], out)
     terminal.say(f"page: {out / 'support.html'}")
 

@@ -99,6 +99,7 @@ from weld_force_ros.messages.simulation import (
     config_sha256,
 )
 from weld_force_ros.messages.support import (
+    HANGING_SHARE,
     SupportState,
     mirrored_support,
     parse_support,
@@ -108,6 +109,7 @@ from weld_force_ros.messages.support import (
 from weld_force_ros.messages.topics import SCHEMAS, TOPICS, Topic, json_schema
 
 __all__ = [
+    "HANGING_SHARE",
     "MAX_CELLS",
     "MAX_IDS",
     "MAX_MEASURED_SPACING_M",

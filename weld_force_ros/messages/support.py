@@ -12,6 +12,8 @@ from weld_force_ros.errors import InputError
 FURTHEST_SLEEPER = 8
 MAX_GAP_M = 0.02
 MAX_SHARE = 100.0
+HANGING_SHARE = 0.02
+"""Of its stiffness and damping, what is left beneath a sleeper that hangs."""
 
 _REMEDY = (
     "write SLEEPER=SHARE such as 0=0.02,1=0.5, SLEEPER=gap:0.8mm, SLEEPER=missing, SLEEPER=pad:2, or FIRST:LAST=4;"

@@ -98,6 +98,13 @@ PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
         NodeParameter("static_load_n", 0.0, f"static wheel load, N; {_OWN}", 0.0, 1e6),
         NodeParameter("wheel_radius_m", 0.0, f"wheel radius, m; {_OWN}", 0.0, 2.0),
         NodeParameter("hertz_n_per_m15", 0.0, f"contact stiffness, N/m^1.5; {_OWN}", 0.0, 1e13),
+        NodeParameter(
+            "crown_radius_m",
+            0.0,
+            "rail head's transverse radius, m, from which the Hertz constant follows; 0: none",
+            0.0,
+            2.0,
+        ),
         NodeParameter("contact_patch", "on", "average the rail's heights over the contact patch: on or off"),
         NodeParameter(
             "running", "both", "how trains run over welds that do not state it: with (rising x), against or both"
@@ -214,7 +221,7 @@ def settings_from_parameters(values: Mapping[str, Any]) -> list[SimulationSettin
         InputError: values that cannot be simulated.
     """
     given = {parameter.name: parameter.default for parameter in PARAMETERS["simulator_node"]} | dict(values)
-    wheel = ("wheel_mass_kg", "static_load_n", "wheel_radius_m", "hertz_n_per_m15")
+    wheel = ("wheel_mass_kg", "static_load_n", "wheel_radius_m", "hertz_n_per_m15", "crown_radius_m")
     of_any_vehicle: dict[str, Any] = {
         "track": given["track"],
         "engine": given["engine"],

@@ -160,7 +160,7 @@ def _identity(track: Track) -> dict[str, Any]:
     if not track.pad_width_m:
         del fields["pad_width_m"]
     match track.support:
-        case Support(springs=(Spring() as pad, Spring() as ballast), masses_kg=(sleeper_mass_kg,)):
+        case Support(springs=(Spring() as pad, Spring() as ballast), masses_kg=(float() as sleeper_mass_kg,)):
             del fields["support"]
             fields |= {"pad": asdict(pad), "sleeper_mass_kg": sleeper_mass_kg, "ballast": asdict(ballast)}
     return fields
@@ -191,18 +191,12 @@ def fitted(
         engine: which kind of fit.
         on_fit: called with a line of text if the fit has to be made: which, and how long it takes.
     """
-    key = key_of(definition, engine)
-    shipped_file = _DATA / "fits" / f"{definition.track.name}.{engine}.json"
-    cached_file = _files.cache_folder("fits") / f"{key}.json"
-    for file in (shipped_file, cached_file):
-        if (found := _read(file, key)) is not None:
-            return found
-    if on_fit:
-        how_long = "some minutes" if engine == "rfp" else "some seconds"
-        on_fit(f"fitting track {definition.track.name} for engine {engine}, once: {how_long}")
-    fit = make(definition, engine)
-    keep(fit)
-    return fit
+    key, name = key_of(definition, engine), definition.track.name
+    if (shipped := _read(_DATA / "fits" / f"{name}.{engine}.json", key)) is not None:
+        return shipped
+    how_long = "some minutes" if engine == "rfp" else "some seconds"
+    announcement = f"fitting track {name} for engine {engine}, once: {how_long}"
+    return _cached(key, lambda: make(definition, engine), announcement, on_fit)
 
 
 def fitted_window(
@@ -218,25 +212,21 @@ def fitted_window(
     key = hashlib.sha256(
         msgspec.json.encode([_WINDOW_VERSION, key_of(definition), asdict(supports)], order="sorted")
     ).hexdigest()
-    found = _read(_files.cache_folder("fits") / f"{key}.json", key)
-    if isinstance(found, PolesFit):
+    announcement = f"fitting track {definition.track.name} with supports of its own, once: some ten seconds"
+    fit = _cached(key, lambda: _make_window(definition, supports, key), announcement, on_fit)
+    assert isinstance(fit, PolesFit), "windows are fitted by common poles"  # noqa: S101
+    return fit
+
+
+def _cached(
+    key: str, make_fit: Callable[[], AnyFit], announcement: str, on_fit: Callable[[str], None] | None
+) -> AnyFit:
+    """Return the fit of that key from the user's cache, or make it, announced, and keep it there."""
+    if (found := _read(_files.cache_folder("fits") / f"{key}.json", key)) is not None:
         return found
     if on_fit:
-        on_fit(f"fitting track {definition.track.name} with supports of its own, once: some ten seconds")
-    track, compliance = definition.track, definition.wheel.compliance
-    with threadpool_limits(limits=1, user_api="blas"):
-        model = window_fit.window_fit(track, supports, compliance)
-    error = partial(window_fit.window_error, model, track, supports, compliance)
-    fit = PolesFit(
-        **_account(definition, key, model, error),
-        section_m=model.section_m.tolist(),
-        poles_re_rad_s=model.poles_rad_s.real.tolist(),
-        poles_im_rad_s=model.poles_rad_s.imag.tolist(),
-        residues_re=model.residues.real.ravel().tolist(),
-        residues_im=model.residues.imag.ravel().tolist(),
-        spans=model.spans,
-        image_m=model.image_m,
-    )
+        on_fit(announcement)
+    fit = make_fit()
     keep(fit)
     return fit
 
@@ -281,16 +271,37 @@ def make(definition: TrackDefinition, engine: FittedEngine = "common-poles") -> 
 
 def make_poles(definition: TrackDefinition) -> PolesFit:
     """Fit common poles to a track."""
-    # Many small factorisations: a second BLAS thread makes them many times slower where another program computes.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with _one_blas_thread():
         model = default_fit(definition.track, definition.wheel.compliance)
+    return _poles_fit(definition, key_of(definition), model, _error_of(definition, model))
+
+
+def _make_window(definition: TrackDefinition, supports: LocalSupports, key: str) -> PolesFit:
+    """Fit common poles to a track near supports that differ."""
+    track, compliance = definition.track, definition.wheel.compliance
+    with _one_blas_thread():
+        model = window_fit.window_fit(track, supports, compliance)
+    error = partial(window_fit.window_error, model, track, supports, compliance)
+    return _poles_fit(definition, key, model, error)
+
+
+def _one_blas_thread() -> threadpool_limits:
+    """Return a context for many small factorisations, which a second thread slows many times on a busy machine."""
+    return threadpool_limits(limits=1, user_api="blas")
+
+
+def _poles_fit(
+    definition: TrackDefinition, key: str, model: PoleModel, error: Callable[[ErrorBand], float]
+) -> PolesFit:
     return PolesFit(
-        **_account(definition, key_of(definition), model, _error_of(definition, model)),
+        **_account(definition, key, model, error),
         section_m=model.section_m.tolist(),
         poles_re_rad_s=model.poles_rad_s.real.tolist(),
         poles_im_rad_s=model.poles_rad_s.imag.tolist(),
         residues_re=model.residues.real.ravel().tolist(),
         residues_im=model.residues.imag.ravel().tolist(),
+        spans=model.spans,
+        image_m=model.image_m,
     )
 
 

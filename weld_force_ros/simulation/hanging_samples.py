@@ -12,11 +12,10 @@ import numpy as np
 from msgspec.structs import replace as changed
 from numpy.typing import NDArray
 
-from weld_force_ros.messages import SupportState, Uncertainty, UncertaintyResult, known
+from weld_force_ros.messages import HANGING_SHARE, SupportState, Uncertainty, UncertaintyResult, known
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.simulation.force_map_view import Passages
 
-_HANGING = 0.02  # of its stiffness and damping is left
 _SLEEPERS = (0, 1)
 _OWN_SEED = 1  # beside that of the other quantities, whose samples stay as they are
 _FORCE_DECIMALS, _TIME_DECIMALS = 1, 6
@@ -31,7 +30,7 @@ def drawn(unknown: Uncertainty) -> NDArray[np.int64]:
 
 def states(which: int) -> tuple[SupportState, ...]:
     """Return the supports of a way of hanging, as of `drawn`."""
-    return tuple(SupportState(sleeper=sleeper, share=_HANGING) for sleeper in _SLEEPERS if which >> sleeper & 1)
+    return tuple(SupportState(sleeper=sleeper, share=HANGING_SHARE) for sleeper in _SLEEPERS if which >> sleeper & 1)
 
 
 def hung(

@@ -23,8 +23,11 @@ from weld_force_ros.messages import (
     legible,
     parse_support,
 )
+from weld_force_ros.physics.passage.hertz import CROWN_RADII_M, ContactRadii
 from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.simulation import track_file, vehicle_file
+from weld_force_ros.simulation.track_file import TrackDefinition
+from weld_force_ros.simulation.vehicle_file import Vehicle
 
 DEFAULT_SPEEDS = "20:300:5"
 DEFAULT_POSITIONS = "15"
@@ -102,6 +105,7 @@ def simulation_settings(
     static_load_n: float | None = None,
     wheel_radius_m: float | None = None,
     hertz_n_per_m15: float | None = None,
+    crown_radius_m: float | None = None,
     contact_patch: str = "on",
     running: str = DEFAULT_RUNNING,
     support: str = "",
@@ -119,6 +123,7 @@ def simulation_settings(
         static_load_n: static wheel load.
         wheel_radius_m: rolling radius.
         hertz_n_per_m15: Hertz constant.
+        crown_radius_m: transverse radius of the rail head, from which and the wheel's radii the Hertz constant follows.
         contact_patch: `on`: the rail's heights are averaged over the patch that Hertz' theory gives; `off`: not.
         running: how trains run over welds that do not state it: `with` rising x, `against` it, or `both`.
         support: supports that differ from the track's at welds that do not state them, such as `0=0.02,1=0.5`.
@@ -131,13 +136,14 @@ def simulation_settings(
         raise InputError(f"engine {engine!r} is not available", f"use {', '.join(ENGINES)}")
     definition = track_file.load(track)
     chosen = None if vehicle is None else vehicle_file.load(vehicle)
-    wheel = _wheel(
+    stated_wheel = _wheel(
         definition.wheel if chosen is None else chosen.on(definition.wheel),
         mass_kg=wheel_mass_kg,
         static_load_n=static_load_n,
         radius_m=wheel_radius_m,
         hertz_n_per_m15=hertz_n_per_m15,
     )
+    wheel, radii = _contact(definition, chosen, stated_wheel, hertz_n_per_m15, crown_radius_m)
     if contact_patch not in ("on", "off"):
         raise InputError(f"contact_patch {contact_patch!r} is unknown", "use on or off")
     if running not in RUNNINGS:
@@ -156,7 +162,7 @@ def simulation_settings(
         static_load_n=wheel.static_load_n,
         wheel_radius_m=wheel.radius_m,
         hertz_n_per_m15=wheel.hertz_n_per_m15,
-        contact_patch_m=round(wheel.contact_half_length_m(), 6) if contact_patch == "on" else UNSET,
+        contact_patch_m=round(radii.half_length_m(wheel.static_load_n), 6) if contact_patch == "on" else UNSET,
         running=cast(Running, running),
         support=parse_support(support) or UNSET,
         uncertainty=uncertainty or UNSET,
@@ -179,6 +185,38 @@ def _wheel(default: Wheel, **given: float | None) -> Wheel:
         if value is not None and (not np.isfinite(value) or value <= 0):
             raise InputError(f"wheel {name} is {value:g}", "give a positive number")
     return replace(default, **{name: float(value) for name, value in given.items() if value is not None})
+
+
+def _contact(
+    definition: TrackDefinition,
+    vehicle: Vehicle | None,
+    wheel: Wheel,
+    hertz_n_per_m15: float | None,
+    crown_radius_m: float | None,
+) -> tuple[Wheel, ContactRadii]:
+    """Return the wheel, its Hertz constant that of the radii where they are stated, and the radii of its contact.
+
+    Raises:
+        InputError: both stated, a crown that no rail has, or a tread as hollow as the crown is round.
+    """
+    least_m, most_m = CROWN_RADII_M
+    if hertz_n_per_m15 is not None and crown_radius_m is not None:
+        raise InputError("hertz_n_per_m15 beside crown_radius_m, which gives it", "give either")
+    if crown_radius_m is not None and not least_m <= crown_radius_m <= most_m:
+        raise InputError(f"crown_radius_m is {crown_radius_m:g}", f"give a number from {least_m:g} to {most_m:g}")
+    of_track = definition.radii or ContactRadii(wheel.radius_m)
+    across_m = of_track.wheel_transverse_m if vehicle is None else vehicle.wheel_transverse_radius_m
+    radii = ContactRadii(wheel.radius_m, crown_radius_m or of_track.crown_m, np.inf if across_m is None else across_m)
+    if not radii.touch_in_a_point:
+        raise InputError(
+            f"a tread of {across_m:g} m is hollower than the crown of {radii.crown_m:g} m",
+            "state a tread and a crown that touch in one point",
+        )
+    is_stated = crown_radius_m is not None or definition.radii is not None or np.isfinite(radii.wheel_transverse_m)
+    of_vehicle = None if vehicle is None else vehicle.hertz_n_per_m15
+    if not is_stated or hertz_n_per_m15 is not None or (of_vehicle is not None and crown_radius_m is None):
+        return wheel, radii
+    return replace(wheel, hertz_n_per_m15=radii.hertz_n_per_m15), radii
 
 
 def load_uncertainty(samples: int, path: Path | None = None) -> Uncertainty | None:

@@ -1,4 +1,4 @@
-"""The supports of a track file: `pad`, `half_sleeper_mass_kg` and `ballast`, or `layers` of any number."""
+"""The supports of a track file: `pad`, `half_sleeper_mass_kg` or `sleeper`, and `ballast`; or `layers` of any kind."""
 
 from itertools import pairwise
 from typing import Annotated, Literal
@@ -6,7 +6,9 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from weld_force_ros.physics.track.bending_sleeper import Bed, BendingSleeper
 from weld_force_ros.physics.track.support import Spring, Support, TabulatedSpring
+from weld_force_ros.physics.track.timoshenko import TimoshenkoBeam
 from weld_force_ros.simulation.stated_number import Number, Reader
 
 _Row = tuple[float, float, float]
@@ -28,11 +30,31 @@ class SpringFile(msgspec.Struct, forbid_unknown_fields=True):
     width_m: Number = 0.0
 
 
+class SleeperFile(msgspec.Struct, forbid_unknown_fields=True):
+    """A sleeper that bends, from end to end: a beam of one cross-section, loaded alike by both rails.
+
+    `bed` says whether what it rests on is spread along it, or stands below the seats; `shear_coefficient` is that of a
+    rectangle of concrete (Cowper, J. Appl. Mech. 33 (1966) 335).
+    """
+
+    mass_kg: Number
+    length_m: Number
+    seat_spacing_m: Number
+    area_cm2: Number
+    second_moment_cm4: Number
+    youngs_modulus_gpa: Number
+    shear_modulus_gpa: Number
+    shear_coefficient: Number = 0.85
+    loss_factor: Number = 0.0
+    bed: Bed = "spread"
+
+
 class LayerFile(msgspec.Struct, forbid_unknown_fields=True):
-    """A layer: a spring or a mass."""
+    """A layer: a spring, a mass or a sleeper that bends."""
 
     spring: SpringFile | None = None
     mass_kg: Number | None = None
+    sleeper: SleeperFile | None = None
 
 
 class SupportsFile(msgspec.Struct, forbid_unknown_fields=True):
@@ -42,6 +64,7 @@ class SupportsFile(msgspec.Struct, forbid_unknown_fields=True):
     spacing_m: Number
     pad: SpringFile | None = None
     half_sleeper_mass_kg: Number | None = None
+    sleeper: SleeperFile | None = None
     ballast: SpringFile | None = None
     layers: Annotated[list[LayerFile], Meta(min_length=1, max_length=15)] | None = None
 
@@ -60,40 +83,54 @@ def read(reader: Reader, file: SupportsFile) -> tuple[Support, float]:
     pad_name, pad = springs[0]
     support = Support(
         tuple(_spring(reader, name, spring) for name, spring in springs),
-        tuple(reader.within(name, mass, least_kg, 1e6) for name, mass in masses),
+        tuple(
+            _sleeper(reader, name, mass) if isinstance(mass, SleeperFile) else reader.within(name, mass, least_kg, 1e6)
+            for name, mass in masses
+        ),
     )
     return support, reader.within(f"{pad_name}.width_m", pad.width_m, 0.0, 0.4)
 
 
 _Springs = list[tuple[str, SpringFile]]
-_Masses = list[tuple[str, Number]]
+_Masses = list[tuple[str, Number | SleeperFile]]
 
 
 def _by_name(reader: Reader, file: SupportsFile) -> tuple[_Springs, _Masses]:
-    """Return springs and masses of a sleeper between pad and ballast, each with its name."""
-    if file.pad is None or file.half_sleeper_mass_kg is None or file.ballast is None:
+    """Return springs and the mass of a sleeper between pad and ballast, each with its name."""
+    mass = file.half_sleeper_mass_kg
+    if mass is not None and file.sleeper is not None:
+        raise reader.error("supports has half_sleeper_mass_kg beside sleeper", "give either")
+    if file.pad is None or (mass is None and file.sleeper is None) or file.ballast is None:
         names = ("pad", "half_sleeper_mass_kg", "ballast")
         missing = next(name for name in names if getattr(file, name) is None)
-        raise reader.error(f"supports.{missing} is missing", f"give {', '.join(names)}, or layers")
+        raise reader.error(
+            f"supports.{missing} is missing", "give pad, half_sleeper_mass_kg or sleeper, and ballast; or layers"
+        )
     springs = [("supports.pad", file.pad), ("supports.ballast", file.ballast)]
-    return springs, [("supports.half_sleeper_mass_kg", file.half_sleeper_mass_kg)]
+    if file.sleeper is not None:
+        return springs, [("supports.sleeper", file.sleeper)]
+    assert mass is not None, "either is there"  # noqa: S101
+    return springs, [("supports.half_sleeper_mass_kg", mass)]
 
 
 def _by_layers(reader: Reader, file: SupportsFile) -> tuple[_Springs, _Masses]:
     """Return springs and masses of a list of layers, each with its name."""
-    if file.pad is not None or file.half_sleeper_mass_kg is not None or file.ballast is not None:
-        raise reader.error("supports has layers beside pad, half_sleeper_mass_kg or ballast", "give either")
+    if any(one is not None for one in (file.pad, file.half_sleeper_mass_kg, file.sleeper, file.ballast)):
+        raise reader.error("supports has layers beside pad, half_sleeper_mass_kg, sleeper or ballast", "give either")
     layers = file.layers or []
     springs: _Springs = []
     masses: _Masses = []
     for number, layer in enumerate(layers, 1):
         name = f"supports.layers[{number}]"
-        if layer.spring is not None and layer.mass_kg is None:
-            springs.append((f"{name}.spring", layer.spring))
-        elif layer.mass_kg is not None and layer.spring is None:
-            masses.append((f"{name}.mass_kg", layer.mass_kg))
-        else:
-            raise reader.error(f"{name} is not one spring or mass_kg", "give one of them a layer")
+        match layer:
+            case LayerFile(SpringFile() as spring, None, None):
+                springs.append((f"{name}.spring", spring))
+            case LayerFile(None, None, SleeperFile() as sleeper):
+                masses.append((f"{name}.sleeper", sleeper))
+            case LayerFile(None, mass_kg, None) if mass_kg is not None:
+                masses.append((f"{name}.mass_kg", mass_kg))
+            case _:
+                raise reader.error(f"{name} is not one spring, mass_kg or sleeper", "give one of them a layer")
     is_spring = [layer.spring is not None for layer in layers]
     if not (is_spring[0] and is_spring[-1]) or any(upper == lower for upper, lower in pairwise(is_spring)):
         raise reader.error(
@@ -101,6 +138,24 @@ def _by_layers(reader: Reader, file: SupportsFile) -> tuple[_Springs, _Masses]:
             "from rail to ground give spring, mass, spring and so on, a spring at both ends",
         )
     return springs, masses
+
+
+def _sleeper(reader: Reader, name: str, file: SleeperFile) -> BendingSleeper:
+    length_m = reader.within(f"{name}.length_m", file.length_m, 0.5, 5.0)
+    return BendingSleeper(
+        TimoshenkoBeam(
+            mass_kg_per_m=reader.positive(f"{name}.mass_kg", file.mass_kg) / length_m,
+            area_m2=reader.positive(f"{name}.area_cm2", file.area_cm2) * 1e-4,
+            second_moment_m4=reader.positive(f"{name}.second_moment_cm4", file.second_moment_cm4) * 1e-8,
+            youngs_modulus_pa=reader.positive(f"{name}.youngs_modulus_gpa", file.youngs_modulus_gpa) * 1e9,
+            shear_modulus_pa=reader.positive(f"{name}.shear_modulus_gpa", file.shear_modulus_gpa) * 1e9,
+            shear_coefficient=reader.within(f"{name}.shear_coefficient", file.shear_coefficient, 0.05, 1.0),
+            loss_factor=reader.within(f"{name}.loss_factor", file.loss_factor, 0.0, 0.5),
+        ),
+        length_m=length_m,
+        seats_m=reader.within(f"{name}.seat_spacing_m", file.seat_spacing_m, 0.1, length_m),
+        bed=file.bed,
+    )
 
 
 def _spring(reader: Reader, name: str, file: SpringFile) -> Spring | TabulatedSpring:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 from msgspec import UnsetType
 
@@ -12,6 +12,7 @@ from weld_force_ros.physics.engines.common_poles import BAND_HZ
 from weld_force_ros.physics.engines.greens_function import GreensFunctionModel
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.wheel import Wheel
+from weld_force_ros.physics.track.bending_sleeper import BendingSleeper
 from weld_force_ros.physics.track.causality import acausal
 from weld_force_ros.physics.track.local_support import LocalSupports, SupportChange
 from weld_force_ros.physics.track.support import Spring
@@ -28,13 +29,18 @@ class TrackAtWeld:
 
     Attributes:
         vehicle_track: simulates passages.
-        fit_error: about the relative error of the force's dynamic part that comes from representing the track in time.
+        error: computes `fit_error`: seconds for `reference` on rails by strips, and not every use asks for it.
         sampler: of what is uncertain; None where nothing is drawn.
     """
 
     vehicle_track: VehicleTrackModel | GreensFunctionModel
-    fit_error: float
+    error: Callable[[], float]
     sampler: Sampler | None
+
+    @cached_property
+    def fit_error(self) -> float:
+        """About the relative error of the force's dynamic part that comes from representing the track in time."""
+        return self.error()
 
 
 class TracksAtWelds:
@@ -85,12 +91,19 @@ class TracksAtWelds:
                 fit_store.check_local_supports(definition.track)
                 _check_gaps(definition, supports)
             vehicle_track = GreensFunctionModel(definition.track, wheel, supports, threads=threads)
-            at_m = definition.track.spacing_m / 2
-            error = acausal(definition.track, at_m, threads=threads).floor(wheel.compliance, BAND_HZ)
+            error = self._acausal_error
         else:
             fit = self._fit(supports)
-            vehicle_track, error = VehicleTrackModel(fit.model(), wheel, threads=threads), fit.error
+            vehicle_track = VehicleTrackModel(fit.model(), wheel, threads=threads)
+
+            def error() -> float:
+                return fit.error
+
         return TrackAtWeld(vehicle_track, error, self._sampler(supports) if sampled else None)
+
+    def _acausal_error(self) -> float:
+        track = self._definition.track
+        return acausal(track, track.spacing_m / 2, threads=self._threads).floor(self._wheel.compliance, BAND_HZ)
 
     def _fit(self, supports: LocalSupports | None) -> fit_store.AnyFit:
         engine = self._settings.engine
@@ -131,7 +144,13 @@ def local_supports(states: tuple[SupportState, ...]) -> LocalSupports:
 
 
 def _check_gaps(definition: TrackDefinition, supports: LocalSupports) -> None:
-    springs = definition.track.support.springs
+    support = definition.track.support
+    springs = support.springs
+    if supports.hanging and any(isinstance(mass, BendingSleeper) for mass in support.masses_kg):
+        raise InputError(
+            f"track {definition.track.name}: a sleeper over a gap cannot bend here",
+            "use a track with half_sleeper_mass_kg, or bound it: SLEEPER=0 hangs free, SLEEPER=1 always rests",
+        )
     if supports.hanging and (len(springs) != 2 or not isinstance(springs[-1], Spring) or not springs[-1].causal):
         raise InputError(
             f"track {definition.track.name}: a sleeper over a gap needs ballast with a dashpot right below it",

@@ -1,7 +1,7 @@
 """Track files: YAML of the form of `data/tracks/bilbao.yaml`; numbers stand bare or as `{value, source}`."""
 
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal
@@ -12,6 +12,7 @@ from msgspec import Meta
 from weld_force_ros import _yaml
 from weld_force_ros.errors import InputError, TrackError
 from weld_force_ros.messages import legible
+from weld_force_ros.physics.passage.hertz import CROWN_RADII_M, ContactRadii
 from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.track.beam import Rail, StripRail, Track
 from weld_force_ros.physics.track.outline import outline
@@ -40,13 +41,15 @@ class _RailFile(msgspec.Struct, forbid_unknown_fields=True):
     model: Literal["timoshenko", "finite-strip"] = "timoshenko"
     section: str | section_file.SectionFile = ""
     wear_mm: Number = 0.0
+    crown_radius_m: Number | None = None
 
 
 class _WheelFile(msgspec.Struct, forbid_unknown_fields=True):
     mass_kg: Number
     static_load_kn: Number
     radius_m: Number
-    hertz_gn_per_m15: Number
+    hertz_gn_per_m15: Number | None = None
+    transverse_radius_m: Number | None = None
 
 
 class _TrackFile(msgspec.Struct, forbid_unknown_fields=True):
@@ -59,12 +62,17 @@ class _TrackFile(msgspec.Struct, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class TrackDefinition:
-    """A track with the wheel that runs on it by default, and the text that defines both."""
+    """A track with the wheel that runs on it by default, and the text that defines both.
+
+    Attributes:
+        radii: of the contact, where they are stated: they give the wheel's Hertz constant.
+    """
 
     track: Track
     wheel: Wheel
     description: str
     text: str
+    radii: ContactRadii | None = None
 
 
 def shipped() -> list[str]:
@@ -82,9 +90,7 @@ def load(name_or_path: str) -> TrackDefinition:
         return parse((_DATA / "tracks" / f"{name_or_path}.yaml").read_text(encoding="utf-8"), name_or_path)
     path = Path(name_or_path)
     if path.suffix.lower() not in (".yaml", ".yml") or not os.path.isfile(path):  # Path.is_file raises on long names
-        raise TrackError(
-            f"track {name_or_path!r} is neither bundled nor a YAML file", f"use {', '.join(shipped())} or FILE.yaml"
-        )
+        raise TrackError(f"no track {name_or_path!r}", f"use {', '.join(shipped())} or a FILE.yaml")
     try:
         text = _yaml.read(path).decode()
     except (OSError, ValueError) as error:
@@ -107,8 +113,7 @@ def parse(text: str, source: str) -> TrackDefinition:
             f"track file {source}: {legible(str(error))}", "write it after data/tracks/bilbao.yaml"
         ) from None
     reader = Reader(source)
-    rail, supports, wheel = file.rail, file.supports, file.wheel
-    positive = reader.positive
+    rail, supports = file.rail, file.supports
     support, pad_width_m = support_file.read(reader, supports)
     track = Track(
         name=file.name,
@@ -120,13 +125,46 @@ def parse(text: str, source: str) -> TrackDefinition:
     )
     if track.pad_width_m and not isinstance(track.rail, StripRail):
         raise reader.error("width_m of a pad under a rail that is a beam", "write `model: finite-strip`")
-    running = Wheel(
-        mass_kg=positive("wheel.mass_kg", wheel.mass_kg),
-        static_load_n=positive("wheel.static_load_kn", wheel.static_load_kn) * 1e3,
-        radius_m=reader.within("wheel.radius_m", wheel.radius_m, 0.1, 1.5),
-        hertz_n_per_m15=positive("wheel.hertz_gn_per_m15", wheel.hertz_gn_per_m15) * 1e9,
+    radii = _radii(reader, rail, file.wheel)
+    return TrackDefinition(track, _wheel(reader, file.wheel, radii), file.description, text, radii)
+
+
+def _wheel(reader: Reader, file: _WheelFile, radii: ContactRadii | None) -> Wheel:
+    if file.hertz_gn_per_m15 is None:
+        if radii is None:
+            raise reader.error("wheel.hertz_gn_per_m15 is missing", "give it, or rail.crown_radius_m")
+        hertz_n_per_m15 = radii.hertz_n_per_m15
+    else:
+        if radii is not None:
+            raise reader.error("wheel.hertz_gn_per_m15 beside rail.crown_radius_m, which gives it", "give either")
+        hertz_n_per_m15 = reader.positive("wheel.hertz_gn_per_m15", file.hertz_gn_per_m15) * 1e9
+    return Wheel(
+        mass_kg=reader.positive("wheel.mass_kg", file.mass_kg),
+        static_load_n=reader.positive("wheel.static_load_kn", file.static_load_kn) * 1e3,
+        radius_m=reader.within("wheel.radius_m", file.radius_m, 0.1, 1.5),
+        hertz_n_per_m15=hertz_n_per_m15,
     )
-    return TrackDefinition(track, running, file.description, text)
+
+
+def _radii(reader: Reader, rail: _RailFile, wheel: _WheelFile) -> ContactRadii | None:
+    """Return the radii of the contact, if the rail's crown is stated."""
+    if rail.crown_radius_m is None:
+        if wheel.transverse_radius_m is not None:
+            raise reader.error("wheel.transverse_radius_m without rail.crown_radius_m", "give both")
+        return None
+    radii = ContactRadii(
+        reader.within("wheel.radius_m", wheel.radius_m, 0.1, 1.5),
+        reader.within("rail.crown_radius_m", rail.crown_radius_m, *CROWN_RADII_M),
+    )
+    if wheel.transverse_radius_m is not None:
+        across_m = reader.within("wheel.transverse_radius_m", wheel.transverse_radius_m, -1e3, 1e3)
+        radii = replace(radii, wheel_transverse_m=across_m)
+    if not radii.touch_in_a_point:
+        raise reader.error(
+            f"wheel.transverse_radius_m is {radii.wheel_transverse_m:g}, hollower than the crown of {radii.crown_m:g}",
+            "give a tread that touches it in one point",
+        )
+    return radii
 
 
 def _rail(reader: Reader, file: _RailFile) -> Rail:

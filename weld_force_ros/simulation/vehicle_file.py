@@ -13,6 +13,7 @@ from weld_force_ros import _yaml
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import legible
 from weld_force_ros.physics.passage.wheel import Wheel
+from weld_force_ros.simulation.stated_number import Number, Sourced
 
 _REMEDY = "write it after data/vehicles/passenger.yaml"
 
@@ -31,6 +32,7 @@ class _VehicleFile(msgspec.Struct, forbid_unknown_fields=True):
     unsprung_mass_kg: _Number
     wheel_radius_m: _Number
     hertz_gn_per_m15: _Number | None = None
+    wheel_transverse_radius_m: Number | None = None
     description: str = ""
 
 
@@ -44,7 +46,8 @@ class Vehicle:
         static_load_n: of one wheel.
         unsprung_mass_kg: of half a wheelset.
         wheel_radius_m: of a new wheel.
-        hertz_n_per_m15: None: that of the track file.
+        hertz_n_per_m15: None: that of the track file, or of the radii.
+        wheel_transverse_radius_m: of its treads; None: not stated.
         sources: of each number, in words.
     """
 
@@ -54,6 +57,7 @@ class Vehicle:
     unsprung_mass_kg: float
     wheel_radius_m: float
     hertz_n_per_m15: float | None
+    wheel_transverse_radius_m: float | None
     sources: tuple[str, ...]
 
     def on(self, wheel: Wheel) -> Wheel:
@@ -88,6 +92,9 @@ def load(name_or_path: str) -> Vehicle:
         stated = _yaml.decode(_yaml.read(file), _VehicleFile)
     except (OSError, msgspec.DecodeError, ValueError) as error:
         raise InputError(f"vehicle {name_or_path}: {legible(str(error))}", _REMEDY) from None
+    across = stated.wheel_transverse_radius_m
+    if across is not None and stated.hertz_gn_per_m15 is not None:
+        raise InputError(f"vehicle {name_or_path}: hertz_gn_per_m15 beside wheel_transverse_radius_m", "give either")
     numbers = (stated.static_load_kn, stated.unsprung_mass_kg, stated.wheel_radius_m)
     return Vehicle(
         name=stated.name,
@@ -96,6 +103,7 @@ def load(name_or_path: str) -> Vehicle:
         unsprung_mass_kg=_value(stated.unsprung_mass_kg),
         wheel_radius_m=_value(stated.wheel_radius_m),
         hertz_n_per_m15=None if stated.hertz_gn_per_m15 is None else 1e9 * _value(stated.hertz_gn_per_m15),
+        wheel_transverse_radius_m=across.value if isinstance(across, Sourced) else across,
         sources=tuple(number.source for number in numbers if isinstance(number, _Sourced)),
     )
 

@@ -211,7 +211,7 @@ def jenkins_p2_n(track: Track, wheel: Wheel, speed_kmh: float, angle_rad: float)
     on, support = foundation(track), track.support
     smeared = 1.5 / (on.beta_per_m * track.spacing_m)
     stiffness = 2 * on.stiffness_n_per_m2 / on.beta_per_m
-    moved = wheel.mass_kg + smeared * (track.rail.mass_kg_per_m * track.spacing_m + sum(support.masses_kg))
+    moved = wheel.mass_kg + smeared * (track.rail.mass_kg_per_m * track.spacing_m + support.mass_kg)
     omega = np.sqrt(np.array([stiffness / moved]))
     damping = smeared * float(support.dynamic_stiffness(omega)[0].imag / omega[0])
     impact = angle_rad * speed_kmh / 3.6 * np.sqrt(stiffness * wheel.mass_kg * wheel.mass_kg / moved)

@@ -1,4 +1,4 @@
-"""Study `support`: what one and two hanging sleepers do over speed and place, on two tracks."""
+"""Study `support`: what one and two hanging sleepers do over speed and place, and what sleepers that bend do."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from weld_force_ros.measurement.shapes import cosine_dip
+from weld_force_ros.messages import HANGING_SHARE
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.wheel_path import wheel_path_over
@@ -13,17 +14,18 @@ from weld_force_ros.physics.track.local_support import LocalSupports, SupportCha
 from weld_force_ros.report.figures import new_figure
 from weld_force_ros.simulation import fit_store, track_file
 from weld_force_ros.simulation.track_file import TrackDefinition
-from weld_force_ros.studies import StartProgress, no_progress
+from weld_force_ros.studies import StartProgress, bending_sleepers, no_progress
 from weld_force_ros.studies.figure_style import COLOURS, legend_above
 from weld_force_ros.studies.result_table import Column, Table
 from weld_force_ros.studies.study_context import Picture, Quantities, StudyResult, grid_rows
 
 TRACKS = ("bilbao-viscous", "johansson-nielsen")
-HANGING = 0.02
 SUPPORTS = {
     "all rest": LocalSupports(()),
-    "the sleeper before the weld hangs": LocalSupports.of([SupportChange(0, HANGING)]),
-    "both sleepers beside the weld hang": LocalSupports.of([SupportChange(0, HANGING), SupportChange(1, HANGING)]),
+    "the sleeper before the weld hangs": LocalSupports.of([SupportChange(0, HANGING_SHARE)]),
+    "both sleepers beside the weld hang": LocalSupports.of(
+        [SupportChange(0, HANGING_SHARE), SupportChange(1, HANGING_SHARE)]
+    ),
 }
 SHAPES = {"dip of 0.2 mm over 200 mm": (0.2e-3, 0.2), "rise of 0.2 mm over 120 mm": (-0.2e-3, 0.12)}
 _GRID_STEP_M = 0.5e-3
@@ -43,7 +45,7 @@ def run(
     start_progress: StartProgress = no_progress,
     on_fit: Callable[[str], None] = lambda text: None,
 ) -> StudyResult:
-    """Compute peak forces over a dip and a rise with all sleepers at rest, and with one and two hanging.
+    """Compute peak forces with sleepers at rest, one and two hanging, and with sleepers that bend and rigid ones.
 
     Args:
         coarse: a third of the speeds and positions.
@@ -51,7 +53,7 @@ def run(
         on_fit: called with a line of text if a fit has to be made.
     """
     speeds_kmh = np.arange(40.0, 301.0, 20.0 if coarse else 5.0)
-    done = start_progress("tracks", len(TRACKS))
+    done = start_progress("tracks", len(TRACKS) + 1)
     pictures: list[Picture] = []
     tables: dict[str, Table] = {}
     measured: Quantities = {}
@@ -67,7 +69,10 @@ def run(
                 measured[f"support.{key}.{count}.least"] = float(more.min())
                 measured[f"support.{key}.{count}.most"] = float(more.max())
         done()
-    return StudyResult("support", "Hanging sleepers", pictures, tables, measured)
+    bending = bending_sleepers.changes(speeds_kmh, 7 if coarse else 16, on_fit=on_fit)
+    done()
+    tables["bending-sleepers"] = bending_sleepers.table(bending)
+    return StudyResult("support", "Supports", pictures, tables, measured)
 
 
 def _track(name: str, on_fit: Callable[[str], None]) -> _Track:

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from tests.harness.oracles import brute_force_trajectory
 from weld_force_ros.measurement.shapes import cosine_dip
-from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import (
     RESAMPLED_STEP_M,
     WheelPath,
@@ -146,21 +145,6 @@ def test_patch_keeps_level_and_slope_and_can_be_switched_off(dip: Callable[..., 
     averaged = wheel_path_over(x, z, RADIUS_M, 6.5e-3)
     assert 0.93 * 1e-4 < -averaged.height_m.min() < 0.99 * 1e-4
     assert averaged.height_m[[0, -1]].tolist() == [0.0, 0.0]
-
-
-def test_half_length_of_the_patch_is_that_of_hertz_theory() -> None:
-    wheel = Wheel(900.0, 83_385.0, 0.3, 1e11)
-    # Equal radii: a circle of contact, a^3 = 3 P R / (4 E*) (Johnson, Contact Mechanics, 1985, eq. 4.22).
-    circle = (0.75 * 83_385.0 * 0.3 / (210e9 / (2 * (1 - 0.3**2)))) ** (1 / 3)
-    assert wheel.contact_half_length_m(0.3) == pytest.approx(circle, rel=1e-6)
-    assert wheel.contact_half_length_m(0.3001) == pytest.approx(circle, rel=1e-3)
-    # A larger wheel touches over more of the rail, and a flatter head over less.
-    larger = Wheel(900.0, 83_385.0, 0.46, 1e11)
-    assert 6e-3 < larger.contact_half_length_m() < 7e-3
-    assert larger.contact_half_length_m(0.5) < larger.contact_half_length_m(0.2)
-    # Eight times the load: twice the size.
-    heavy = Wheel(900.0, 8 * 83_385.0, 0.46, 1e11)
-    assert heavy.contact_half_length_m() == pytest.approx(2 * larger.contact_half_length_m(), rel=1e-9)
 
 
 @pytest.mark.parametrize("patch_m", [0.0, 6.7e-3])

@@ -35,6 +35,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from weld_force_ros.errors import NumericalError
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
+from weld_force_ros.physics.engines.cubic_weights import cubic_weights
 from weld_force_ros.physics.engines.support_responses import Spectrum, moving_supports, unchanged
 from weld_force_ros.physics.passage import _convolution, lowpass
 from weld_force_ros.physics.passage.passage import History, checked_axis, checked_positions, checked_speeds
@@ -338,12 +339,5 @@ def _interpolation(grid: int, every: int, node_count: int) -> tuple[NDArray[np.i
     """Return four nodes and their Lagrange weights for each grid point, all of the point's own span."""
     if node_count == 1:
         return np.zeros((grid, 1), dtype=np.int64), np.ones((grid, 1))
-    place = np.arange(grid) / every
-    first = np.clip(np.floor(place).astype(np.int64) - 1, 0, node_count - 3)
-    nodes = first[:, None] + np.arange(4)
-    weights = np.ones((grid, 4))
-    for i in range(4):
-        for j in range(4):
-            if i != j:
-                weights[:, i] *= (place - nodes[:, j]) / (nodes[:, i] - nodes[:, j])
+    nodes, weights = cubic_weights(np.arange(grid) / every, node_count)
     return nodes % node_count, weights

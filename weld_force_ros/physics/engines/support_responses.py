@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
+from weld_force_ros.physics.engines.cubic_weights import cubic_weights
 from weld_force_ros.physics.passage._convolution import Gaps, MovingSupports
 from weld_force_ros.physics.track.beam import Track, Waves
 from weld_force_ros.physics.track.local_support import LocalSupports, responses_at
@@ -121,13 +122,6 @@ def _transfer(
 
 def _interpolation(grid: int, a_span: int, spans: int) -> tuple[NDArray[np.int64], FloatArray]:
     """Return four nodes (grid * spans, 4) and their Lagrange weights for each step, all of the step's own span."""
-    place = np.arange(grid) * (a_span / grid)
-    first = np.clip(np.floor(place).astype(np.int64) - 1, 0, a_span - 3)
-    nodes = first[:, None] + np.arange(4)
-    weights = np.ones((grid, 4))
-    for i in range(4):
-        for j in range(4):
-            if i != j:
-                weights[:, i] *= (place - nodes[:, j]) / (nodes[:, i] - nodes[:, j])
+    nodes, weights = cubic_weights(np.arange(grid) * (a_span / grid), a_span)
     every = a_span * np.arange(spans)[:, None, None] + nodes
     return every.reshape(-1, 4), np.tile(weights, (spans, 1))

@@ -22,6 +22,7 @@ from weld_force_ros.physics.arrays import ComplexArray as ComplexArray
 from weld_force_ros.physics.arrays import FloatArray as FloatArray
 from weld_force_ros.physics.track.outline import Dimensions
 from weld_force_ros.physics.track.support import Support
+from weld_force_ros.physics.track.timoshenko import BeamWaves, TimoshenkoBeam
 
 # Strips are imported where they are used: scikit-fem and what it needs would double the time until a command starts.
 if TYPE_CHECKING:
@@ -35,16 +36,8 @@ _MOST_REMEMBERED = 6  # of strips' waves: 13 kB a frequency
 
 
 @dataclass(frozen=True)
-class Rail:
-    """A Timoshenko beam; `loss_factor` acts on bending and shear."""
-
-    mass_kg_per_m: float
-    area_m2: float
-    second_moment_m4: float
-    youngs_modulus_pa: float
-    shear_modulus_pa: float
-    shear_coefficient: float
-    loss_factor: float = 0.0
+class Rail(TimoshenkoBeam):
+    """A rail as a beam."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -257,22 +250,8 @@ class _RailWaves:
         self, rail: Rail, omega: FloatArray | ComplexArray, span_m: float, foundation: ComplexArray | float = 0.0
     ) -> None:
         self.span_m = span_m
-        loss = 1 + 1j * rail.loss_factor
-        shear = rail.shear_coefficient * rail.shear_modulus_pa * rail.area_m2 * loss
-        bending = rail.youngs_modulus_pa * rail.second_moment_m4 * loss
-        inertia = rail.mass_kg_per_m * omega**2 - foundation
-        rotary = rail.mass_kg_per_m * rail.second_moment_m4 / rail.area_m2 * omega**2
-        # exp(-k x): shear bending k^4 + (shear rotary + bending inertia) k^2 + inertia (rotary - shear) = 0
-        half = (shear * rotary + bending * inertia) / (2 * shear * bending)
-        root = np.sqrt(half**2 - inertia * (rotary - shear) / (shear * bending) + 0j)
-        square = np.stack([-half + root, -half - root])
-        decay = np.sqrt(square)
-        # An undamped travelling wave has no real part: the root that radiates away is +i |k| (phase lag with distance).
-        lossless = np.abs(decay.real) <= 1e-9 * np.abs(decay)
-        self.decay = np.where(lossless, 1j * np.abs(decay.imag), np.where(decay.real < 0, -decay, decay))
-        other = square[::-1]
-        amplitude = (shear - rotary - bending * square) / (2 * self.decay * shear * bending * (other - square))
-        self.strength: ComplexArray = amplitude
+        waves = BeamWaves(rail, omega, foundation)
+        self.decay, self.strength = waves.decay, waves.strength
         self.multiplier: ComplexArray = np.exp(-self.decay * span_m)
 
     def shape(self, x_m: FloatArray) -> ComplexArray:

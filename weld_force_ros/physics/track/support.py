@@ -12,6 +12,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
+from weld_force_ros.physics.track.bending_sleeper import BendingSleeper
 
 # Radians: what rails lose and count as causal with all the same.
 _ACAUSAL_ANGLE = 0.02
@@ -100,11 +101,11 @@ class Support:
 
     Attributes:
         springs: the pad under the rail first, what stands on the ground last.
-        masses_kg: under one rail: half a sleeper, a baseplate, a block.
+        masses_kg: under one rail: half a sleeper, a baseplate, a block; or a sleeper that bends, whole.
     """
 
     springs: tuple[Spring | TabulatedSpring, ...]
-    masses_kg: tuple[float, ...] = ()
+    masses_kg: tuple[float | BendingSleeper, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse what is no chain."""
@@ -118,8 +119,13 @@ class Support:
 
     @property
     def causal(self) -> bool:
-        """Whether every spring is."""
+        """Whether every spring is; a sleeper's own loss, as a rail's, is tiny and counts as if it were."""
         return all(spring.causal for spring in self.springs)
+
+    @property
+    def mass_kg(self) -> float:
+        """The mass that moves under one rail."""
+        return sum(mass.half_mass_kg if isinstance(mass, BendingSleeper) else mass for mass in self.masses_kg)
 
     def dynamic_stiffness(self, omega: FloatArray | ComplexArray) -> ComplexArray:
         """Return the dynamic stiffness seen by the rail, N/m, shape of `omega` (rad/s)."""
@@ -130,14 +136,15 @@ class Support:
         """Return the dynamic stiffness of what the pad stands on, N/m: infinite where that is the ground."""
         if not self.masses_kg:
             return np.full(np.shape(omega), np.inf + 0j)
-        below = self.springs[-1].dynamic_stiffness(omega) - self.masses_kg[-1] * omega**2
-        for spring, mass_kg in zip(self.springs[-2:0:-1], self.masses_kg[-2::-1], strict=True):
-            below = _in_series(spring.dynamic_stiffness(omega), below) - mass_kg * omega**2
-        return np.asarray(below)
+        below = _carrying(self.masses_kg[-1], self.springs[-1].dynamic_stiffness(omega), omega)
+        for spring, mass in zip(self.springs[-2:0:-1], self.masses_kg[-2::-1], strict=True):
+            below = _carrying(mass, _in_series(spring.dynamic_stiffness(omega), below), omega)
+        return below
 
     def undamped(self) -> "Support":
         """Return the same support without loss."""
-        return replace(self, springs=tuple(spring.undamped() for spring in self.springs))
+        masses = tuple(mass.undamped() if isinstance(mass, BendingSleeper) else mass for mass in self.masses_kg)
+        return Support(tuple(spring.undamped() for spring in self.springs), masses)
 
     def stiffer(self, factor: float) -> "Support":
         """Return it with the stiffness of every spring multiplied; dashpots stay."""
@@ -146,6 +153,13 @@ class Support:
     def with_lowest(self, factor: float) -> "Support":
         """Return it with the dynamic stiffness of the spring on the ground multiplied: 0 where nothing carries it."""
         return replace(self, springs=(*self.springs[:-1], self.springs[-1].scaled(factor)))
+
+
+def _carrying(mass: float | BendingSleeper, below: ComplexArray, omega: FloatArray | ComplexArray) -> ComplexArray:
+    """Return the dynamic stiffness on top of a mass, or at the seat of a sleeper, that stands on what is below."""
+    if isinstance(mass, BendingSleeper):
+        return mass.stiffness_at_seat(below, omega)
+    return np.asarray(below - mass * omega**2)
 
 
 def _in_series(upper: ComplexArray, lower: ComplexArray) -> ComplexArray:
