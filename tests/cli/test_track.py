@@ -107,3 +107,34 @@ def test_a_file_is_not_written_over(hammer_test: Path, tmp_path: Path, capfd: py
     assert main(["track", "identify", str(hammer_test), "--out", str(out)]) == 2
     assert "is there already" in capfd.readouterr().err
     assert out.read_text() == "mine"
+
+
+def test_the_causal_twin_is_a_track_to_simulate_with(tmp_path: Path, capfd: pytest.CaptureFixture):
+    out = tmp_path / "mine.yaml"
+    assert main(["track", "causal", "bilbao", "--out", str(out), "--json", "-"]) == 0
+    printed = capfd.readouterr()
+    content = json.loads(printed.out)
+    assert 0.1 < content["difference"] < 0.13
+    assert "no track that answers after it is pushed" in " ".join(printed.err.split())
+    found, given = track_file.load(str(out)), track_file.load("bilbao")
+    assert found.track.causal
+    assert found.track.rail == given.track.rail
+    assert found.wheel == given.wheel
+    assert found.track.support == track_file.load("bilbao-causal").track.support  # as it is bundled
+    assert main(["track", "causal", "bilbao", "--out", str(out)]) == 2
+    assert "is there already" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["bilbao-viscous"], "is causal already"),
+        (["bilbao", "--at", "-1"], "--at -1 Hz"),
+        (["bilbao", "--at", "nan"], "--at nan Hz"),
+        (["no-such-track"], "no-such-track"),
+    ],
+)
+def test_what_has_no_twin_is_one_line(arguments: list[str], says: str, capfd: pytest.CaptureFixture):
+    assert main(["track", "causal", *arguments]) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert says in line

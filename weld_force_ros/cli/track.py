@@ -1,6 +1,7 @@
 """Run `weld-force track`: tracks of one's own."""
 
 import hashlib
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast, get_args
 
@@ -11,6 +12,8 @@ from weld_force_ros.cli.options import Json
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
+    from weld_force_ros.physics.track.beam import Track
+    from weld_force_ros.physics.track.causal_twin import CausalTwin
     from weld_force_ros.physics.track.identification import Identified, MeasuredReceptance
     from weld_force_ros.simulation.identified_track import Basis
 
@@ -26,11 +29,8 @@ _WORDS = {
     "half_sleeper_kg": ("half a sleeper", "kg", 1.0),
 }
 _POOR_MISFIT = 0.25
-
-
-@app.callback()
-def tracks() -> None:
-    """Keep `identify` a command of its own beside those to come."""
+_SHOWN_HZ = (1.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
+_TWIN_HZ = (5.0, 40.0, 100.0, 300.0, 1200.0, 2501.0)
 
 
 @app.command()
@@ -91,6 +91,85 @@ def identify(
         with json_output.output_file(out) as written:
             written.write(text)
         terminal.say(f"written: {out}; use it with --track {out}")
+
+
+@app.command()
+def causal(
+    track: Annotated[str, typer.Argument(help="Track with loss factors: bundled, or a file.")],
+    at: Annotated[
+        float,
+        typer.Option(metavar="HZ", help="Where the springs' stiffness stays what it is; 0: under a resting load."),
+    ] = 0.0,
+    out: Annotated[Path | None, typer.Option(help="Track file (YAML) to write.")] = None,
+    json: Json = None,
+) -> None:
+    """Find the causal track nearest to one with loss factors, which no model in time can have as it is."""
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.physics.track.beam import StripRail
+    from weld_force_ros.physics.track.causal_twin import BAND_HZ, causal_twin
+    from weld_force_ros.simulation import track_file
+    from weld_force_ros.simulation.causal_track_file import causal_track_text
+
+    if out is not None and out.exists():
+        raise InputError(f"{out} is there already", "name another file, or remove it")
+    if not 0 <= at <= BAND_HZ[1]:
+        raise InputError(f"--at {at:g} Hz", f"give 0 to {BAND_HZ[1]:g} Hz")
+    definition = track_file.load(track)
+    if definition.track.causal:
+        raise InputError(f"track {track} is causal already", "use it as it is")
+    if isinstance(definition.track.rail, StripRail):
+        raise InputError(f"track {track}: its rail is no beam", "write `model: timoshenko`, and find the twin of that")
+    with terminal.console.status("searching"):
+        twin = causal_twin(definition.track, definition.wheel.compliance, at_hz=at)
+    with json_output.lines(json) as target:
+        json_output.write(target, _twin_content(track, at, twin))
+    _show_twin(definition.track, twin)
+    if out is not None:
+        with json_output.output_file(out) as written:
+            written.write(causal_track_text(definition, twin, name=out.stem, at_hz=at))
+        terminal.say(f"written: {out}; use it with --track {out}")
+
+
+def _twin_content(track: str, at_hz: float, twin: "CausalTwin") -> dict[str, object]:
+    import numpy as np
+
+    return {
+        "track": track,
+        "at_hz": at_hz,
+        "difference": float(np.sqrt(np.mean(twin.difference**2))),
+        "frequency_hz": twin.frequency_hz.tolist(),
+        "difference_by_frequency": twin.difference.tolist(),
+    }
+
+
+def _show_twin(track: "Track", twin: "CausalTwin") -> None:
+    import numpy as np
+
+    from weld_force_ros.cli import terminal
+
+    for number, (old, new) in enumerate(zip(track.support.springs, twin.track.support.springs, strict=True), 1):
+        if new is old:
+            continue
+        was, now = (spring.dynamic_stiffness(2 * np.pi * np.array(_SHOWN_HZ)) for spring in (old, new))
+        terminal.table(
+            f"Spring {number} from the rail down: stiffness kN/mm and loss factor",
+            [("Hz", "right"), ("given", "right"), ("", "right"), ("causal", "right"), ("", "right")],
+            [
+                (f"{hz:g}", *(text for k in pair for text in (f"{k.real * 1e-6:.4g}", f"{k.imag / k.real:.2f}")))
+                for hz, *pair in zip(_SHOWN_HZ, was, now, strict=True)
+            ],
+        )
+    bands = [(low, high, (twin.frequency_hz >= low) & (twin.frequency_hz < high)) for low, high in pairwise(_TWIN_HZ)]
+    terminal.table(
+        "RMS difference of the receptance, % of what the contact sees",
+        [("band Hz", "right"), ("", "right")],
+        [
+            (f"{low:g} - {high:g}", f"{100 * np.sqrt(np.mean(twin.difference[own] ** 2)):.1f}")
+            for low, high, own in bands
+        ]
+        + [("all", f"{100 * np.sqrt(np.mean(twin.difference**2)):.1f}")],
+    )
+    terminal.say("A loss factor that is the same at all frequencies is met by no track that answers after it is pushed")
 
 
 def _within(measured: "MeasuredReceptance", band: str, file: Path) -> "MeasuredReceptance":

@@ -6,7 +6,7 @@ sleepers. A spring is a stiffness with a loss factor or a dashpot, or a table ov
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
@@ -166,7 +166,7 @@ def _in_series(upper: ComplexArray, lower: ComplexArray) -> ComplexArray:
     return np.asarray(upper * lower / (upper + lower))
 
 
-@cache
+@lru_cache(64)  # a search for a track tries many tables
 def _interpolation(rows: Rows) -> Callable[[ComplexArray], ComplexArray]:
     """Return the complex stiffness over angular frequency: a cubic of the logarithm between rows."""
     hz, stiffness, loss = np.array(rows).T
@@ -183,7 +183,7 @@ def _interpolation(rows: Rows) -> Callable[[ComplexArray], ComplexArray]:
     return at
 
 
-@cache
+@lru_cache(64)
 def _acausal_angle(rows: Rows) -> float:
     """Return by how much loss angles differ at most from Bode's, rad, over the middle half of a table's range."""
     step, decades = np.log(10) / _POINTS_A_DECADE, _DECADES_BEYOND * np.log(10)
