@@ -1,13 +1,16 @@
 """The command line as a shell sees it: exit codes, one line for bad input, clean standard output."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from typer.main import get_command
 
-from weld_force_ros.cli.main import main
+from weld_force_ros import SOFTWARE
+from weld_force_ros.cli.main import app, main
 from weld_force_ros.measurement.profile_file import shipped
 from weld_force_ros.messages import SCHEMAS, ForceMap, Verdict, decode, json_schema
 from weld_force_ros.recording.recording import open_recording
@@ -106,7 +109,7 @@ def test_bad_usage_is_one_line_and_exit_code_2(capfd, arguments, part):
     assert (code, lines) == (2, [])
     assert err.startswith("weld-force: ")
     assert err.count("\n") == 1
-    assert len(err) < 300
+    assert len(err) < 350  # all bundled tracks are named
     assert part in err
     assert "Traceback" not in err
 
@@ -224,3 +227,15 @@ def test_the_installed_command_works_from_any_folder_and_survives_a_closed_pipe(
     done = subprocess.run(["bash", "-o", "pipefail", "-c", piped], cwd=tmp_path, capture_output=True, timeout=120)
     assert b"Traceback" not in done.stderr
     assert done.stdout == b"{"
+
+
+def test_help_lists_every_command_once_by_what_one_wants_to_do(capfd):
+    assert main(["-h"]) == 0
+    listed = re.findall(r"^  ([a-z]+)  +\S", capfd.readouterr().out.partition("Assess:")[2], re.MULTILINE)
+    assert sorted(listed) == sorted(get_command(app).commands)
+    assert "..." not in listed
+
+
+def test_version_is_one_line(capfd):
+    assert main(["--version"]) == 0
+    assert capfd.readouterr() == (f"{SOFTWARE}\n", "")

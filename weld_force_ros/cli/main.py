@@ -8,10 +8,12 @@ import atexit
 import gc
 import os
 import sys
-from typing import Any
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
+from weld_force_ros import SOFTWARE
 from weld_force_ros.cli import bag, campaign, limits, replay, study, track
 from weld_force_ros.cli.assess import assess
 from weld_force_ros.cli.bench import bench
@@ -33,11 +35,31 @@ from weld_force_ros.errors import InputError, WeldForceError
 # Typer's usage errors, whether its click is the package or a copy of its own.
 _UsageError: Any = typer.BadParameter.__base__
 
+_SECTIONS = {
+    "Assess": ("assess", "inspect", "grind", "report", "show", "limits"),
+    "In the field": ("up", "node", "demo"),
+    "Recordings": ("bag", "replay"),
+    "Network": ("campaign", "population"),
+    "Research": ("simulate", "track", "receptance", "fit", "study", "benchmark", "bench", "schema"),
+}
+
+
+class _Sections(TyperGroup):
+    """Lists the commands by what somebody wants to do, each with its whole first sentence."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        for section, names in _SECTIONS.items():
+            with formatter.section(section):
+                formatter.write_dl([(name, self.commands[name].get_short_help_str(limit=1000)) for name in names])
+
+
 app = typer.Typer(
+    cls=_Sections,
     help="Wheel-rail contact forces over rail welds: simulate, judge, record, replay.",
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _command in (
     assess, inspect, simulate, grind, report, show, demo, up, population, receptance, fit, schema, bench, benchmark,
@@ -50,6 +72,21 @@ app.add_typer(replay.app, name="replay")
 app.add_typer(bag.app, name="bag")
 app.add_typer(campaign.app, name="campaign")
 app.add_typer(study.app, name="study")
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(SOFTWARE)
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version and exit.", callback=_show_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Take what stands before a command."""
 
 
 def main(arguments: list[str] | None = None) -> int:
