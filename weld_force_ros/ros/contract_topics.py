@@ -1,6 +1,5 @@
 """Publish and receive the contract messages of one node: stamped, numbered, validated, counted."""
 
-import hashlib
 import secrets
 import threading
 import time
@@ -22,16 +21,20 @@ from weld_force_ros.messages import (
     MAX_MESSAGE_BYTES,
     MAX_TEXT,
     TOPICS,
+    Header,
     Message,
     Rejection,
     Stamp,
     decode,
+    describe,
+    encodable,
     encode,
-    measurement_id,
+    read_header,
+    text_identity,
 )
 from weld_force_ros.ros import diagnostics, qos
 from weld_force_ros.ros.diagnostics import NodeDiagnostics
-from weld_force_ros.ros.sequence_tracker import Header, SequenceTracker, read_header
+from weld_force_ros.ros.sequence_tracker import SequenceTracker
 from weld_force_ros.ros.serialized_messages import RecordedPublisher, SerializedMessage, subscribe_raw
 
 M = TypeVar("M", bound=Message)
@@ -65,10 +68,7 @@ class Incoming(NamedTuple):
     @property
     def description(self) -> str:
         """Return what to call the message in a Rejection."""
-        topic = TOPICS[self.kind].name
-        if self.header is None or not self.header.publisher:
-            return f"{topic} message"
-        return f"{topic} message {self.header.sequence} of {self.header.publisher}"
+        return describe(self.kind, self.header)
 
 
 class ContractTopics:
@@ -198,14 +198,14 @@ class ContractTopics:
             reason = str(error) or type(error).__name__
             remedy = "check the profile; if it is in order, report this as a fault"
         rejection = Rejection(
-            source=_printable(source)[:_MAX_NAME] or "unknown",
-            reason=_printable(reason).removeprefix(f"{source}: ")[:MAX_TEXT],
-            remedy=_printable(remedy)[:MAX_TEXT],
-            raw_text=_printable(raw_text[:MAX_TEXT]),
+            source=encodable(source)[:_MAX_NAME] or "unknown",
+            reason=encodable(reason).removeprefix(f"{source}: ")[:MAX_TEXT],
+            remedy=encodable(remedy)[:MAX_TEXT],
+            raw_text=encodable(raw_text[:MAX_TEXT]),
             raw_truncated=len(raw_text) > MAX_TEXT,
             source_sha256=source_sha256,
             profile_sha256=profile_sha256,
-            profile_id=profile_id if isinstance(profile_id, str) else _identity_of_text(source, raw_text),
+            profile_id=profile_id if isinstance(profile_id, str) else text_identity(source, raw_text),
         )
         self.diagnostics.report_problem(f"{rejection.source}: {rejection.reason}")
         self._node.get_logger().warning(f"{rejection.source} rejected: {rejection.reason}; {rejection.remedy}")
@@ -282,11 +282,6 @@ class ContractTopics:
             publisher.wait_until_acknowledged(deadline)
 
 
-def _identity_of_text(source: str, text: str) -> str:
-    content = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
-    return measurement_id(_printable(source), content)
-
-
 def _text(serialized: SerializedMessage) -> str:
     if len(serialized.cdr) > MAX_MESSAGE_BYTES + _CDR_OVERHEAD_BYTES:
         return f"a message of {len(serialized.cdr)} bytes, which was not read"
@@ -294,8 +289,3 @@ def _text(serialized: SerializedMessage) -> str:
         return deserialize_message(serialized.cdr, String).data
     except Exception:  # not CDR: what arrived is kept for the Rejection
         return serialized.cdr.decode("utf-8", "replace")
-
-
-def _printable(text: str) -> str:
-    # Half a surrogate pair, from a file name of unknown encoding, has no UTF-8 form.
-    return text.encode("utf-8", "replace").decode("utf-8")

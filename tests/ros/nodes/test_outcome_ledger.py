@@ -75,7 +75,7 @@ def test_recording_tells_what_is_open_settled_and_unfinished(tmp_path: Path) -> 
     noted = []
     ledger = read_ledger(bag, lambda kind, text: noted.append(kind))
     assert ledger.settled_of(IDS) == [done, refused, killed_before_confirming]
-    assert ledger.open_count == 2
+    assert ledger.open_count == 3, "what broke the contract awaits its rejection, too"
     assert list(ledger.waiting_maps) == [mapped]
     assert len(ledger.waiting_maps[mapped]) == 2
     assert [(i, kept.kind) for i, kept in ledger.unfinished.items()] == [(killed_before_confirming, Verdict)]

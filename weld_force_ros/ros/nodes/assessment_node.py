@@ -24,6 +24,7 @@ from weld_force_ros.messages import (
     WeldMarker,
     WeldProfile,
     identity,
+    text_identity,
 )
 from weld_force_ros.ros import qos
 from weld_force_ros.ros.contract_topics import ContractTopics, Incoming
@@ -202,13 +203,12 @@ class AssessmentNode(LifecycleNodeBase):
 
     def _take_profile(self, incoming: Incoming) -> None:
         profile = self.topics.decode_or_report(WeldProfile, incoming)  # the simulator rejects what cannot be read
-        if profile is None:
-            self._record_once(incoming)
-        elif self._ledger.is_settled(identity(profile)):
-            self._outcomes.confirm_again(identity(profile))
+        profile_id = identity(profile) if profile is not None else text_identity(incoming.description, incoming.text)
+        if self._ledger.is_settled(profile_id):
+            self._outcomes.confirm_again(profile_id)
         else:
             self._record_once(incoming)
-            self._ledger.accept(identity(profile), incoming.serialized.cdr)
+            self._ledger.accept(profile_id, incoming.serialized.cdr)
 
     def _take_rejection(self, incoming: Incoming) -> None:
         rejection = self.topics.decode_or_reject(Rejection, incoming, self._after_own_rejection)

@@ -5,20 +5,23 @@ from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
-from msgspec import UNSET, UnsetType
+from rclpy.serialization import deserialize_message
+from std_msgs.msg import String
 
 from weld_force_ros.errors import BagError
 from weld_force_ros.messages import (
     TOPICS,
     ForceMap,
+    Measured,
     Message,
-    ProfileId,
     ProfileIds,
     Rejection,
     Settled,
     Verdict,
     WeldProfile,
     identity,
+    profile_identity,
+    stated_identity,
 )
 from weld_force_ros.recording import STRING, Recorded, stored
 
@@ -71,6 +74,10 @@ class Ledger:
         """Return whether a measurement has its verdict or rejection."""
         return bytes.fromhex(profile_id) in self._settled
 
+    def is_open(self, profile_id: str) -> bool:
+        """Return whether a measurement was accepted and has no outcome."""
+        return profile_id in self._open
+
     def settle(self, profile_id: str) -> None:
         """Note that a measurement has its outcome."""
         self._settled.add(bytes.fromhex(profile_id))
@@ -89,6 +96,12 @@ class Ledger:
         """Return those of the measurements that have their outcome."""
         return [profile_id for profile_id in profile_ids if self.is_settled(profile_id)]
 
+    def identify_open(self, identity_of: Callable[[bytes], str]) -> None:
+        """Put what is open under the identity that `identity_of` returns of a profile; drop what has its outcome."""
+        entered, self._open = self._open, {}
+        for cdr in entered.values():
+            self.accept(identity_of(cdr), cdr)
+
     def oldest_open(self) -> list[bytes]:
         """Return the profiles that have waited longest, serialised; the next call returns others first."""
         oldest = list(self._open.items())[:RESEND_BATCH]
@@ -98,11 +111,8 @@ class Ledger:
         return [cdr for _, cdr in oldest]
 
 
-class _Entry(msgspec.Struct):
-    weld_id: str = ""
-    profile_sha256: str = ""
-    profile_id: ProfileId | UnsetType = UNSET
-    profile_ids: ProfileIds = []
+class _Entry(Measured):
+    profile_ids: ProfileIds = msgspec.field(default_factory=list)
     asked_by: str = ""
 
 
@@ -124,10 +134,17 @@ def read_ledger(bag: Path, note: Callable[[type[Message], str], None]) -> Ledger
         try:
             text = recorded.text
             entry = msgspec.json.decode(text, type=_Entry)
-        except (BagError, msgspec.DecodeError):
-            continue  # what cannot be read settles nothing
-        note(kind, text)
-        _enter(ledger, kind, recorded, entry)
+        except BagError:
+            continue
+        except msgspec.DecodeError:
+            entry = None  # what cannot be read settles nothing
+        if entry is not None:
+            note(kind, text)
+        if kind is WeldProfile:
+            ledger.accept(stated_identity(text, ledger.is_open), recorded.data)
+        elif entry is not None:
+            _enter(ledger, kind, recorded, entry)
+    ledger.identify_open(lambda cdr: profile_identity(deserialize_message(cdr, String).data))
     return ledger
 
 
@@ -136,8 +153,6 @@ def _enter(ledger: Ledger, kind: type[Message], recorded: Recorded, entry: _Entr
         for profile_id in entry.profile_ids:
             ledger.settle(profile_id)
             ledger.unfinished.pop(profile_id, None)
-    elif kind is WeldProfile:
-        ledger.accept(identity(entry), recorded.data)
     elif kind is ForceMap and not ledger.is_settled(identity(entry)):
         ledger.waiting_maps.setdefault(identity(entry), []).append(recorded.data)
     elif kind is Verdict or (kind is Rejection and isinstance(entry.profile_id, str)):

@@ -1,0 +1,85 @@
+"""Publishers that are not of the suite: any language's JSON, any quality of service, whatever they get wrong."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from tests.harness.ros import Outcomes, Probe, QuickSimulator, wait_until
+from weld_force_ros.messages import Rejection, Verdict
+from weld_force_ros.recording import count_outcomes, open_bag
+from weld_force_ros.ros.node_suite import NodeSuite
+
+VECTOR = json.loads((Path(__file__).parents[2] / "examples" / "weld_profile.json").read_text())
+
+
+def weld(number: int, **changes: Any) -> str:
+    """JSON as Python's own library writes it, without the hash."""
+    content = VECTOR | {"weld_id": f"weld-{number}", "profile_sha256": None} | changes
+    return json.dumps({key: value for key, value in content.items() if value is not None})
+
+
+def suite(bag: Path, outcomes: Outcomes) -> NodeSuite:
+    return NodeSuite(
+        ("simulator", "assessment"),
+        parameters={
+            "simulator": {"uncertainty_samples": 0, "speeds": "40,80", "positions": "2"},
+            "assessment": {"bag": str(bag)},
+        },
+        load_simulator=QuickSimulator,
+        on_verdict=outcomes,
+        on_rejection=outcomes,
+    )
+
+
+BROKEN = {
+    "no JSON": "{",
+    "a wrong hash": weld(1, profile_sha256="0" * 64),
+    "no samples": weld(2, x_m=None, profile_id="a" * 64),
+    "unequal columns": weld(3, z_m=[0.0] * 3, publisher="/trolley#1", sequence=3),
+    "a weld's number as its name": weld(4, weld_id=4, profile_id="b" * 64),
+    "too high": weld(5, z_m=[1.0] * 10 + [0.0] * 11, publisher="/trolley#1", sequence=5),
+}
+
+
+def test_each_message_has_one_outcome_and_a_recording_that_is_continued_sends_none_again(
+    domain_id: int, probe: Probe, tmp_path: Path
+) -> None:
+    outcomes, bag, good = Outcomes(), tmp_path / "bag", range(10, 16)
+    with suite(bag, outcomes) as nodes:
+        for text in [*BROKEN.values(), *map(weld, good)]:
+            probe.publish("weld_profile", text)
+        outcomes.wait(len(BROKEN) + len(good))
+        assert nodes.drain(10.0) == 0
+        assert nodes.open_count == 0
+    assert sorted(v.weld_id for v in outcomes.of(Verdict)) == [f"weld-{n}" for n in good]
+    assert sorted(r.raw_text for r in outcomes.of(Rejection)) == sorted(BROKEN.values())
+    ended = count_outcomes(open_bag(bag))
+    assert ended is not None
+    assert (ended.measurements, ended.open, ended.doubled) == (len(BROKEN) + len(good), 0, 0)
+
+    again = Outcomes()
+    with suite(bag, again) as nodes:
+        # The publisher keeps its messages for who comes late: they arrive once more, and are known.
+        simulator = nodes.nodes["simulator"].topics.diagnostics
+        wait_until(lambda: simulator.received["weld_profile"] == len(BROKEN) + len(good))
+        assert nodes.drain(10.0) == 0
+        assert (nodes.open_count, again.messages) == (0, [])
+    assert count_outcomes(open_bag(bag)) == ended
+
+
+def test_a_message_that_nobody_rejected_before_a_kill_is_rejected_when_the_recording_is_continued(
+    domain_id: int, tmp_path: Path
+) -> None:
+    from tests.harness.bags import record
+
+    bag = record(tmp_path / "bag", [("/weld_profile", text, n) for n, text in enumerate(BROKEN.values())])
+    ended = count_outcomes(open_bag(bag))
+    assert ended is not None
+    assert ended.open == len(BROKEN)
+    outcomes = Outcomes()
+    with suite(bag, outcomes) as nodes:
+        outcomes.wait(len(BROKEN))
+        wait_until(lambda: nodes.open_count == 0)
+    ended = count_outcomes(open_bag(bag))
+    assert ended is not None
+    assert (ended.measurements, ended.rejections, ended.open, ended.doubled) == (len(BROKEN), len(BROKEN), 0, 0)
