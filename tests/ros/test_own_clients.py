@@ -4,9 +4,15 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import String
+
 from tests.harness.ros import Outcomes, Probe, QuickSimulator, wait_until
 from weld_force_ros.messages import Rejection, Verdict
 from weld_force_ros.recording import count_outcomes, open_bag
+from weld_force_ros.ros import qos
 from weld_force_ros.ros.node_suite import NodeSuite
 
 VECTOR = json.loads((Path(__file__).parents[2] / "examples" / "weld_profile.json").read_text())
@@ -83,3 +89,45 @@ def test_a_message_that_nobody_rejected_before_a_kill_is_rejected_when_the_recor
     ended = count_outcomes(open_bag(bag))
     assert ended is not None
     assert (ended.measurements, ended.rejections, ended.open, ended.doubled) == (len(BROKEN), len(BROKEN), 0, 0)
+
+
+RELIABLE, BEST_EFFORT = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
+VOLATILE, LATCHED = DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL
+
+
+@pytest.mark.parametrize(
+    ("reliability", "durability"),
+    [(RELIABLE, VOLATILE), (BEST_EFFORT, VOLATILE), (BEST_EFFORT, LATCHED), (RELIABLE, LATCHED)],
+    ids=["the default of ros2 topic pub and rclpy", "sensor data", "best effort, latched", "as the suite"],
+)
+def test_publishers_of_any_quality_of_service_are_heard_once(
+    domain_id: int, probe: Probe, tmp_path: Path, reliability: ReliabilityPolicy, durability: DurabilityPolicy
+) -> None:
+    outcomes, bag, profile = Outcomes(), tmp_path / "bag", QoSProfile(depth=10)
+    profile.reliability, profile.durability = reliability, durability
+    with suite(bag, outcomes) as nodes:
+        # Another client as the suite expects them has both subscriptions of a node receive what it sends.
+        probe.publish("weld_profile", weld(100))
+        publisher = probe.publisher("weld_profile", profile)
+        wait_until(lambda: publisher.get_subscription_count() >= 2)
+        for number in range(20):
+            publisher.publish(String(data=weld(number)))
+            outcomes.wait(number + 1)
+        probe.publish("weld_profile", weld(101))
+        outcomes.wait(22)
+        assert nodes.drain(10.0) == 0
+        counts = [nodes.nodes[kind].topics.diagnostics.received for kind in ("simulator", "assessment")]
+    assert sorted(v.weld_id for v in outcomes.messages) == sorted(f"weld-{n}" for n in [*range(20), 100, 101])
+    assert [received["weld_profile"] for received in counts] == [22, 22]
+    ended = count_outcomes(open_bag(bag))
+    assert ended is not None
+    assert (ended.measurements, ended.verdicts, ended.open, ended.doubled) == (22, 22, 0, 0)
+
+
+def test_a_publisher_of_the_nodes_own_topics_that_is_not_heard_is_complained_of(
+    domain_id: int, probe: Probe, tmp_path: Path
+) -> None:
+    diagnostics = probe.collect("/diagnostics", DiagnosticArray, qos.DIAGNOSTICS)
+    with suite(tmp_path / "bag", Outcomes()):
+        probe.publisher("force_map", QoSProfile(depth=10))
+        diagnostics.wait(1, lambda array: "a publisher of force_map is not heard" in array.status[0].message)

@@ -10,8 +10,9 @@ from typing import NamedTuple, Self, TypeVar
 from diagnostic_msgs.msg import DiagnosticArray
 from msgspec import UNSET, UnsetType
 from rclpy.callback_groups import CallbackGroup
+from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSProfile, qos_policy_name_from_kind
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from std_msgs.msg import String
@@ -25,6 +26,8 @@ from weld_force_ros.messages import (
     Message,
     Rejection,
     Stamp,
+    WeldMarker,
+    WeldProfile,
     decode,
     describe,
     encodable,
@@ -34,10 +37,12 @@ from weld_force_ros.messages import (
 )
 from weld_force_ros.ros import diagnostics, qos
 from weld_force_ros.ros.diagnostics import NodeDiagnostics
+from weld_force_ros.ros.foreign_publishers import TolerantSubscription
 from weld_force_ros.ros.sequence_tracker import SequenceTracker
 from weld_force_ros.ros.serialized_messages import RecordedPublisher, SerializedMessage, subscribe_raw
 
 M = TypeVar("M", bound=Message)
+_FROM_ANYBODY: tuple[type[Message], ...] = (WeldProfile, WeldMarker)
 _MAX_NAME = 200
 _CLOSE_S = 5.0
 _CDR_OVERHEAD_BYTES = 64
@@ -99,6 +104,7 @@ class ContractTopics:
         self._publishers: dict[type[Message], RecordedPublisher] = {}
         self._other_publishers: list[RecordedPublisher] = []
         self._subscriptions: list[Subscription] = []
+        self._tolerant_subscriptions: list[TolerantSubscription] = []
         for kind in publishes:
             self._publishers[kind] = RecordedPublisher(
                 node, String, TOPICS[kind].name, qos.publisher_qos(TOPICS[kind]), self._record
@@ -138,6 +144,8 @@ class ContractTopics:
         self.diagnostics.stop(self._node)
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
+        for tolerant in self._tolerant_subscriptions:
+            tolerant.destroy()
         for publisher in (*self._publishers.values(), *self._other_publishers):
             publisher.destroy()
 
@@ -214,8 +222,27 @@ class ContractTopics:
     def subscribe(
         self, kind: type[Message], take: Callable[[SerializedMessage], None], group: CallbackGroup | None = None
     ) -> None:
-        """Subscribe to a contract topic; what `take` gets is to be handed to `receive`, on any one thread."""
-        self.subscribe_other(String, TOPICS[kind].name, qos.subscription_qos(TOPICS[kind]), take, group)
+        """Subscribe to a contract topic; what `take` gets is to be handed to `receive`, on any one thread.
+
+        What people publish themselves is taken with any quality of service; of the nodes' own topics, a publisher that
+        does not match is a problem.
+        """
+        topic, profile, group = TOPICS[kind], qos.subscription_qos(TOPICS[kind]), group or self._group
+        if kind in _FROM_ANYBODY:
+            self._tolerant_subscriptions.append(
+                TolerantSubscription(self._node, String, topic.name, profile, take, group)
+            )
+            return
+
+        def report_mismatch(event: QoSRequestedIncompatibleQoSInfo) -> None:
+            policy = qos_policy_name_from_kind(event.last_policy_kind).lower()
+            self.report_problem(
+                f"a publisher of {topic.name} is not heard: its {policy} is not that of the suite; "
+                f"publish with reliable{' and transient local' if topic.latched else ''}"
+            )
+
+        events = SubscriptionEventCallbacks(incompatible_qos=report_mismatch)
+        self._subscriptions.append(subscribe_raw(self._node, String, topic.name, profile, take, group, events))
 
     def subscribe_other(
         self,

@@ -206,8 +206,8 @@ class AssessmentNode(LifecycleNodeBase):
         profile_id = identity(profile) if profile is not None else text_identity(incoming.description, incoming.text)
         if self._ledger.is_settled(profile_id):
             self._outcomes.confirm_again(profile_id)
-        else:
-            self._record_once(incoming)
+        elif not self._ledger.is_open(profile_id):
+            self.recorder.record(incoming.serialized)
             self._ledger.accept(profile_id, incoming.serialized.cdr)
 
     def _take_rejection(self, incoming: Incoming) -> None:
