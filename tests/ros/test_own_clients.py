@@ -10,10 +10,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from tests.harness.ros import Outcomes, Probe, QuickSimulator, wait_until
-from weld_force_ros.messages import Rejection, Verdict
+from weld_force_ros.messages import Rejection, Verdict, WeldProfile, decode, encode
 from weld_force_ros.recording import count_outcomes, open_bag
 from weld_force_ros.ros import qos
 from weld_force_ros.ros.node_suite import NodeSuite
+from weld_force_ros.ros.parameters import settings_from_parameters
 
 VECTOR = json.loads((Path(__file__).parents[2] / "examples" / "weld_profile.json").read_text())
 
@@ -131,3 +132,22 @@ def test_a_publisher_of_the_nodes_own_topics_that_is_not_heard_is_complained_of(
     with suite(tmp_path / "bag", Outcomes()):
         probe.publisher("force_map", QoSProfile(depth=10))
         diagnostics.wait(1, lambda array: "a publisher of force_map is not heard" in array.status[0].message)
+
+
+def test_a_profile_that_arrives_after_its_verdict_is_recorded(domain_id: int, probe: Probe, tmp_path: Path) -> None:
+    outcomes, bag, number = Outcomes(), tmp_path / "bag", 7
+    with suite(bag, outcomes) as nodes:
+        message = decode(WeldProfile, weld(number))
+        (settings,) = settings_from_parameters({"uncertainty_samples": 0})
+        force_map = QuickSimulator(settings).force_map(message)
+        probe.publish("force_map", encode(force_map).decode())
+        outcomes.wait(1)
+        for _ in range(2):
+            probe.publish("weld_profile", weld(number))
+        received = nodes.nodes["assessment"].topics.diagnostics.received
+        wait_until(lambda: received["weld_profile"] == 2)
+        assert nodes.drain(10.0) == 0
+    assert {name: n for (name, _), n in open_bag(bag).statistics.counts.items()}["/weld_profile"] == 1
+    ended = count_outcomes(open_bag(bag))
+    assert ended is not None
+    assert (ended.measurements, ended.verdicts, ended.open) == (1, 1, 0)

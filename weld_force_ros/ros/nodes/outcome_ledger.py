@@ -52,6 +52,7 @@ class Ledger:
         self.unfinished: dict[str, RecordedOutcome] = {}
         self.waiting_maps: dict[str, list[bytes]] = {}
         self._settled: set[bytes] = set()
+        self._profiles: set[bytes] = set()
         self._open: dict[str, bytes] = {}
         self._gathered: dict[str, dict[str, ForceMap]] = {}
 
@@ -66,13 +67,18 @@ class Ledger:
         return len(self._settled)
 
     def accept(self, profile_id: str, cdr: bytes) -> None:
-        """Keep a profile until it has its outcome."""
+        """Note that a profile is there, and keep it until it has its outcome."""
+        self._profiles.add(bytes.fromhex(profile_id))
         if not self.is_settled(profile_id):
             self._open[profile_id] = cdr
 
     def is_settled(self, profile_id: str) -> bool:
         """Return whether a measurement has its verdict or rejection."""
         return bytes.fromhex(profile_id) in self._settled
+
+    def has_profile(self, profile_id: str) -> bool:
+        """Return whether a measurement's profile is there; its outcome may come before it."""
+        return bytes.fromhex(profile_id) in self._profiles
 
     def is_open(self, profile_id: str) -> bool:
         """Return whether a measurement was accepted and has no outcome."""
@@ -99,6 +105,7 @@ class Ledger:
     def identify_open(self, identity_of: Callable[[bytes], str]) -> None:
         """Put what is open under the identity that `identity_of` returns of a profile; drop what has its outcome."""
         entered, self._open = self._open, {}
+        self._profiles -= {bytes.fromhex(profile_id) for profile_id in entered}
         for cdr in entered.values():
             self.accept(identity_of(cdr), cdr)
 
