@@ -6,15 +6,17 @@ from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from tests.harness.ros import Outcomes, Probe, QuickSimulator, wait_until
+from weld_force_ros.errors import InputError
 from weld_force_ros.messages import Rejection, Verdict, WeldProfile, decode, encode
 from weld_force_ros.recording import count_outcomes, open_bag
 from weld_force_ros.ros import qos
 from weld_force_ros.ros.node_suite import NodeSuite
-from weld_force_ros.ros.parameters import settings_from_parameters
+from weld_force_ros.ros.parameters import read_parameter_file, settings_from_parameters, values_of_node
 
 VECTOR = json.loads((Path(__file__).parents[2] / "examples" / "weld_profile.json").read_text())
 
@@ -151,3 +153,31 @@ def test_a_profile_that_arrives_after_its_verdict_is_recorded(domain_id: int, pr
     ended = count_outcomes(open_bag(bag))
     assert ended is not None
     assert (ended.measurements, ended.verdicts, ended.open) == (1, 1, 0)
+
+
+def test_parameters_are_taken_as_they_are_meant_or_refused_by_name(domain_id: int, tmp_path: Path) -> None:
+    file = tmp_path / "robot.yaml"
+    file.write_text("/**:\n  ros__parameters: {speeds: [20, 40], static_load_n: 110000, folder: somewhere}\n")
+    with NodeSuite(("simulator",), ros_args=["--ros-args", "--params-file", str(file)]) as nodes:
+        node = nodes.nodes["simulator"]
+        assert node.get_parameter("static_load_n").value == 110e3
+        assert list(node.get_parameter("speeds").value) == [20, 40]
+        assert values_of_node(read_parameter_file(file), "simulator_node", "") == {
+            "speeds": [20, 40], "static_load_n": 110_000
+        }  # fmt: skip
+    for given, nearest in (("spedds:=40", "speeds"), ("static_load:=110000", "static_load_n"), ("limit:=f", "limits")):
+        with (
+            pytest.raises(InputError, match=f"no node has a parameter .*; write '{nearest}'"),
+            NodeSuite(("simulator",), ros_args=["--ros-args", "-p", given]),
+        ):
+            pass
+
+
+def test_a_whole_number_may_be_set_live_where_a_parameter_is_a_float(domain_id: int) -> None:
+    with NodeSuite(("assessment",), parameters={"assessment": {"autostart": False, "split_minutes": 5}}) as nodes:
+        node = nodes.nodes["assessment"]
+        assert node.get_parameter("split_minutes").value == 5.0
+        (result,) = node.set_parameters([Parameter("split_mb", value=64)])
+        assert (result.successful, node.get_parameter("split_mb").value) == (True, 64.0)
+        (result,) = node.set_parameters([Parameter("split_mb", value="much")])
+        assert not result.successful
