@@ -1,6 +1,8 @@
 """Publishers that are not of the suite: any language's JSON, any quality of service, whatever they get wrong."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
-from tests.harness.ros import Outcomes, Probe, QuickSimulator, wait_until
+from tests.harness.ros import DEADLINE_S, Outcomes, Probe, QuickSimulator, wait_until
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import Rejection, Verdict, WeldProfile, decode, encode
 from weld_force_ros.recording import count_outcomes, open_bag
@@ -18,7 +20,8 @@ from weld_force_ros.ros import qos
 from weld_force_ros.ros.node_suite import NodeSuite
 from weld_force_ros.ros.parameters import read_parameter_file, settings_from_parameters, values_of_node
 
-VECTOR = json.loads((Path(__file__).parents[2] / "examples" / "weld_profile.json").read_text())
+ROOT = Path(__file__).parents[2]
+VECTOR = json.loads((ROOT / "examples" / "weld_profile.json").read_text())
 
 
 def weld(number: int, **changes: Any) -> str:
@@ -181,3 +184,22 @@ def test_a_whole_number_may_be_set_live_where_a_parameter_is_a_float(domain_id: 
         assert (result.successful, node.get_parameter("split_mb").value) == (True, 64.0)
         (result,) = node.set_parameters([Parameter("split_mb", value="much")])
         assert not result.successful
+
+
+def test_the_example_client_gets_the_outcome_of_what_it_published(domain_id: int, tmp_path: Path) -> None:
+    """With rclpy's default quality of service, in a process of its own that knows nothing of the suite."""
+    broken = tmp_path / "broken.json"
+    broken.write_text(weld(7, z_m=[0.0] * 3))
+    outcomes, example = Outcomes(), ROOT / "examples" / "ros_client.py"
+    with suite(tmp_path / "bag", outcomes):
+        clients = [
+            subprocess.Popen([sys.executable, str(example), str(file)], stdout=subprocess.PIPE, text=True)
+            for file in (ROOT / "examples" / "weld_profile.json", broken)
+        ]
+        (verdict_line, _), (rejection_line, _) = [client.communicate(timeout=DEADLINE_S) for client in clients]
+        outcomes.wait(2)
+    (verdict,), (rejection,) = outcomes.of(Verdict), outcomes.of(Rejection)
+    assert verdict_line == f"{verdict.decision} KM12-L-004 {verdict.reason}\n"
+    assert rejection_line == f"no verdict  {rejection.reason}\n"
+    assert "21 positions but 3 heights" in rejection.reason or "z_m" in rejection.reason
+    assert [client.returncode for client in clients] == [verdict.decision != "accept", 1]
