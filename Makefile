@@ -42,6 +42,7 @@ soak: $(READY)
 	$(BIN)/python -m tests.soak.malformed
 	$(BIN)/python -m benchmarks.detection
 	$(BIN)/python -m tests.soak.kills
+	$(BIN)/python -m tests.soak.lives
 	$(BIN)/python -m tests.soak.endurance
 
 screenshots: $(READY)

@@ -15,8 +15,7 @@ from tests.soak.malformed import DefectError, Kind, Reading, Report, check_profi
 from tests.soak.mutations import ANYWHERE, JSON, LINES, MEASUREMENTS, RECORDING, YAML
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement import profile_file
-from weld_force_ros.messages import TOPICS, RailSurface, WeldProfile, decode, profile_sha256
-from weld_force_ros.ros.sequence_tracker import read_header
+from weld_force_ros.messages import TOPICS, RailSurface, WeldProfile, decode, profile_sha256, read_header
 from weld_force_ros.simulation import track_file
 
 pytestmark = pytest.mark.slow

@@ -127,6 +127,10 @@ class Probe:
                 wait_until(lambda: self._publishers[topic].get_subscription_count())
         self._publishers[topic].publish(String(data=data) if isinstance(data, str) else data)
 
+    def publisher(self, topic: str, profile: Any) -> Any:
+        """A publisher of its own beside that of `publish`."""
+        return self._node.create_publisher(String, topic, profile)
+
     def collect(self, topic: str, message_type: type, profile: Any) -> Outcomes:
         collected = Outcomes()
         self._node.create_subscription(message_type, topic, collected, profile)

@@ -410,7 +410,7 @@ def test_number_that_is_not_finite_is_never_sent(kind: type[Message], number: fl
         (Inquiry, {"profile_ids": ["../x"]}, "profile_ids"),
         (Settled, {"profile_ids": ["0" * 64] * 1001}, "profile_ids"),
         (WeldProfile, {"z_m": [0.0] * 21}, "20 positions but 21 heights"),
-        (WeldProfile, {"z_m": [0.0] * 20}, "not the hash"),
+        (WeldProfile, {"z_m": [0.0] * 20}, "but x_m and z_m make"),
         (WeldProfile, {"weld_id": ""}, "weld_id"),
         (SimulationSettings, {"positions_m": [0.0, 0.0]}, "must increase"),
         (

@@ -131,7 +131,7 @@ def test_something_else_is_not_written_to(tmp_path, there):
 
 def test_second_recorder_is_refused_while_the_first_runs(tmp_path):
     with recording.Recorder(tmp_path / "run") as recorder:
-        with pytest.raises(BagError, match="run is being recorded to already") as refused:
+        with pytest.raises(BagError, match=f"recorded to by process {os.getpid()}, running since 2") as refused:
             recording.Recorder(tmp_path / "run")
         assert "\n" not in str(refused.value)
         write(recorder, numbered(3))

@@ -66,3 +66,22 @@ def test_before_and_after_grinding_are_two_measurements_of_one_weld(tmp_path: Pa
     messages = [*before, *after]
     records = records_of_recording(recorded(tmp_path / "bag", messages), None, LIMITS)
     assert [r.verdict.weld_id for r in records if isinstance(r, WeldRecord)] == ["W7", "W7"]
+
+
+def refused(number: int) -> Rejection:
+    profile_id = measurement_id("w7.csv", f"{number:064}")
+    return Rejection(source="w7.csv", reason="no", remedy="look", profile_id=profile_id, file_version_of="w7.csv")
+
+
+def test_of_the_outcomes_of_a_file_the_last_counts_whichever_it_is(tmp_path: Path) -> None:
+    def shown(name: str, *messages: Message) -> list[str]:
+        records = records_of_recording(recorded(tmp_path / name, list(messages)), None, LIMITS)
+        return [r.verdict.profile_id if isinstance(r, WeldRecord) else str(r.rejection.profile_id) for r in records]
+
+    first, second, accepted, later = refused(1), refused(2), version(0.5), version(1.0)
+    other = version(0.8, "w8.csv", "W8")
+    assert shown("refused twice", first, second) == [second.profile_id]
+    assert shown("at last accepted", first, second, *accepted) == [accepted[0].profile_id]
+    assert shown("at last refused", *other, *accepted, first) == [other[0].profile_id, first.profile_id]
+    assert shown("back again", *accepted, first, *later) == [later[0].profile_id]
+    assert shown("one more", first, *accepted, second, *later, *other) == [later[0].profile_id, other[0].profile_id]

@@ -31,7 +31,7 @@ test("a live page shows the newest first and drops the oldest", () => {
 
 test("a newer version of a file takes the place of the older", () => {
   const made = table([row(1), row(2)], {live: true});
-  made.add([row(3, {weld: "weld-1", supersedes: 1}), row(4, {supersedes: 99})]);
+  made.add([row(3, {weld: "weld-1", supersedes: [1]}), row(4, {supersedes: [99]})]);
   assert.deepEqual(shown(made), [4, 3, 2]);
 });
 

@@ -125,7 +125,14 @@ def test_a_newer_version_of_a_file_names_the_row_that_it_supersedes(tmp_path):
         profile.file_version_of = file
         report.add(profile)
         report.add(verdict)
-    assert [row.get("supersedes") for row in rows(report)] == [None, None, 1]
+    assert [row.get("supersedes") for row in rows(report)] == [None, None, [1]]
+    refused = Rejection(source="a.csv", reason="no units", remedy="state them", file_version_of="a.csv")
+    report.add(refused)
+    report.add(refused)
+    for message in (profile, verdict):
+        message.profile_id = f"{report.count:064x}"
+        report.add(message)
+    assert [row.get("supersedes") for row in rows(report)][3:] == [[3], [4], [5]]
 
 
 def test_rejections_are_rows(tmp_path):

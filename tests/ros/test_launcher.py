@@ -71,7 +71,8 @@ def test_missing_folder_ends_the_process_with_code_2_and_one_line(domain_id: int
     ("arguments", "message"),
     [
         (["simulator", "--ros-args", "-p", "track:=nowhere"], "nowhere"),
-        (["simulator", "--", "--ros-args", "-p", "wheel_mass_kg:=600"], "wheel_mass_kg"),
+        (["simulator", "--", "--ros-args", "-p", "wheel_mass_kg:=heavy"], "wheel_mass_kg"),
+        (["simulator", "--ros-args", "-p", "spedds:=40"], "write 'speeds'"),
         (["assessment", "--ros-args", "-p", "nonsense"], "nonsense"),
         (["assessment", "--unknown"], "--unknown"),
     ],

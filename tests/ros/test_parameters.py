@@ -51,7 +51,10 @@ def test_shipped_schema_is_the_table_s() -> None:
     [
         ({"/**/simulator": {"ros__parameters": {}}}, "names none of"),
         ({"/**/simulator_node": {"parameters": {}}}, "ros__parameters"),
-        (parameters(trak="bilbao"), "trak"),
+        (parameters(trak="bilbao"), "no node has a parameter 'trak'; write 'track'"),
+        (parameters(static_load=110_000), "write 'static_load_n'"),
+        ({"/**": {"ros__parameters": {"limit": "force"}}}, "write 'limits'"),
+        ({"/**": {"ros__parameters": {"wheel_mass_kg": "heavy"}}}, "wheel_mass_kg"),
         (parameters(track=5), "str"),
         (parameters(wheel_mass_kg=-1.0), "wheel_mass_kg"),
         (parameters(wheel_mass_kg="heavy"), "wheel_mass_kg"),
@@ -109,12 +112,12 @@ def test_missing_file_is_named(tmp_path: Path) -> None:
     ],
 )
 def test_pattern_names_nodes_as_ros_reads_it(pattern: str, namespace: str, meant: bool) -> None:
-    config = {pattern: {"ros__parameters": {"track": "johansson-nielsen"}}}
+    config = {pattern: {"track": "johansson-nielsen"}}
     assert values_of_node(config, "simulator_node", namespace) == ({"track": "johansson-nielsen"} if meant else {})
 
 
 def test_later_lines_go_before_earlier_ones() -> None:
-    config = parameters(track="bilbao", speeds="40") | {"/left/simulator_node": {"ros__parameters": {"speeds": "80"}}}
+    config = {"/**/simulator_node": {"track": "bilbao", "speeds": "40"}, "/left/simulator_node": {"speeds": "80"}}
     assert values_of_node(config, "simulator_node", "left") == {"track": "bilbao", "speeds": "80"}
 
 
@@ -144,3 +147,32 @@ def test_vehicles_that_cannot_be_simulated_together_are_refused(text: str) -> No
 def test_settings_that_cannot_be_simulated_are_refused_before_a_node_starts() -> None:
     with pytest.raises(InputError, match="fast"):
         check_values("simulator_node", {"speeds": "fast"})
+
+
+@pytest.mark.parametrize(
+    ("text", "node", "namespace", "values"),
+    [
+        ("/**: {ros__parameters: {track: zhai, folder: f}}", "simulator_node", "", {"track": "zhai"}),
+        ("/**: {ros__parameters: {track: zhai, folder: f}}", "profile_node", "left", {"folder": "f"}),
+        ("/left/**: {ros__parameters: {track: zhai}}", "simulator_node", "left", {"track": "zhai"}),
+        ("/left/**: {ros__parameters: {track: zhai}}", "simulator_node", "right", {}),
+        ("/*: {ros__parameters: {track: zhai}}", "simulator_node", "", {"track": "zhai"}),
+        ("/left: {simulator_node: {ros__parameters: {track: zhai}}}", "simulator_node", "left", {"track": "zhai"}),
+        (
+            "/**: {ros__parameters: {track: a}}\n/**/simulator_node: {ros__parameters: {track: b}}",
+            "simulator_node", "", {"track": "b"},
+        ),
+    ],
+)  # fmt: skip
+def test_wildcards_and_namespaces_are_read_as_ros_reads_them(
+    tmp_path: Path, text: str, node: str, namespace: str, values: dict[str, Any]
+) -> None:
+    """What rclpy itself makes of such a file: `test_own_clients.py`."""
+    config = read_parameter_file(written(tmp_path, text))
+    assert values_of_node(config, node, namespace) == values
+
+
+def test_whole_numbers_are_taken_where_a_parameter_is_a_float() -> None:
+    values = check_values("simulator_node", {"wheel_mass_kg": 600, "speeds": [20, 40], "uncertainty_samples": 0})
+    assert values == {"wheel_mass_kg": 600.0, "speeds": [20, 40], "uncertainty_samples": 0}
+    assert [type(value) for value in values.values()] == [float, list, int]

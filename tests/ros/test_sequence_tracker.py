@@ -5,7 +5,8 @@ import itertools
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weld_force_ros.ros.sequence_tracker import Header, SequenceTracker, read_header
+from weld_force_ros.messages import Header, read_header
+from weld_force_ros.ros.sequence_tracker import SequenceTracker
 
 
 def header(sequence: int, publisher: str = "/a#1") -> Header:

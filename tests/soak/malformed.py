@@ -35,6 +35,7 @@ from random import Random
 from typing import Any, NamedTuple, NoReturn
 
 import msgspec
+import numpy as np
 import yaml
 from mcap.writer import CompressionType, Writer
 from msgspec import UNSET
@@ -60,10 +61,10 @@ from weld_force_ros.messages import (
     WeldProfile,
     decode,
     encode,
+    read_header,
 )
 from weld_force_ros.recording import STRING, contract_messages, open_bag, string_cdr
 from weld_force_ros.ros.parameters import default_parameter_text, read_parameter_file
-from weld_force_ros.ros.sequence_tracker import read_header
 from weld_force_ros.simulation import simulator, track_file
 from weld_force_ros.simulation.settings import simulation_settings
 
@@ -127,15 +128,20 @@ def check_profile(x_m: list[float], z_m: list[float], sha256: str) -> None:
         "10 mm spacing": max(steps, default=0.0) <= 0.010 * slack,
         "10 mm amplitude": max(z_m, default=0.0) - min(z_m, default=0.0) <= 0.010 * slack,
         "5 m length": x_m[-1:] <= [x_m[0] + 5.0 * slack] if x_m else False,
-        "hash": sha256 == hashlib.sha256(f"[{_json_of(x_m)},{_json_of(z_m)}]".encode()).hexdigest(),
+        "hash": sha256 in (_sha256_of_bytes(x_m, z_m), _sha256_until_1_5(x_m, z_m)),
     }
     if broken := [rule for rule, kept in rules.items() if not kept]:
         raise DefectError(f"an invalid profile was accepted: {', '.join(broken)}")
 
 
-def _json_of(numbers: list[float]) -> str:
-    """Return the shortest decimals, in JSON as the contract hashes it."""
-    return msgspec.json.encode([float(n) for n in numbers]).decode()
+def _sha256_of_bytes(*columns: list[float]) -> str:
+    """Return the contract's hash, worked by NumPy."""
+    return hashlib.sha256((np.concatenate(columns).astype("<f8") + 0.0).tobytes()).hexdigest()
+
+
+def _sha256_until_1_5(*columns: list[float]) -> str:
+    """Return the hash of older recordings: of the shortest decimals, in JSON."""
+    return hashlib.sha256(msgspec.json.encode([[float(n) for n in column] for column in columns])).hexdigest()
 
 
 def check_message(message: Message) -> None:
@@ -198,9 +204,8 @@ def _profile() -> WeldProfile:
     """Return a short weld, so that mutations hit something else than samples too."""
     x_m = [i * 0.005 - 0.1 for i in range(41)]
     z_m = [-1e-4 * math.cos(math.pi * x / 0.2) ** 2 for x in x_m]
-    digest = hashlib.sha256(f"[{_json_of(x_m)},{_json_of(z_m)}]".encode()).hexdigest()
     return WeldProfile(
-        weld_id="KM12-L-004", source="weld.csv", x_m=x_m, z_m=z_m, profile_sha256=digest, profile_id="a" * 64,
+        weld_id="KM12-L-004", source="weld.csv", x_m=x_m, z_m=z_m, profile_id="a" * 64,
         source_sha256="b" * 64, rail="left", instrument="straightedge", chainage_m=12_004.25, line_speed_kmh=160.0,
         weld_position_m=0.3, conditioning=["centred on the weld"], publisher="/profile_node#1", sequence=7,
     )  # fmt: skip

@@ -3,7 +3,6 @@
 Some change any byte, some keep the form (JSON, lines, records) so that the code behind the parser is reached too.
 """
 
-import hashlib
 import json
 import math
 import re
@@ -18,7 +17,7 @@ import msgspec
 import zstandard
 from mcap.writer import MCAP0_MAGIC
 
-from weld_force_ros.messages import AssessmentSettings, SimulationSettings, config_sha256, limits_sha256
+from weld_force_ros.messages import AssessmentSettings, SimulationSettings, config_sha256, limits_sha256, profile_sha256
 
 Mutation = Callable[[Random, bytes, bytes], bytes]
 
@@ -269,8 +268,7 @@ def _seal(tree: dict[str, Any]) -> None:
     """Correct the hash of the content, so that the checks behind it are reached."""
     try:
         if "conditioning" in tree:
-            samples = [list(map(float, tree["x_m"])), list(map(float, tree["z_m"]))]
-            tree["profile_sha256"] = hashlib.sha256(msgspec.json.encode(samples)).hexdigest()
+            tree["profile_sha256"] = profile_sha256(tree["x_m"], tree["z_m"])
         elif "limits" in tree:
             tree["limits_sha256"] = limits_sha256(msgspec.convert(tree, AssessmentSettings))
         elif "track_definition" in tree:

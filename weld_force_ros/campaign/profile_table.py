@@ -17,7 +17,7 @@ from msgspec import UNSET
 
 from weld_force_ros._files import whole_file
 from weld_force_ros.errors import InputError, os_errors_as
-from weld_force_ros.messages import WeldProfile, legible, profile_sha256
+from weld_force_ros.messages import WeldProfile, legible
 
 ROW_GROUP = 256
 """Rows that are read together: a batch's, so that nothing is read for nothing."""
@@ -189,8 +189,6 @@ def _weld(where: str, weld_id: str, row: dict[str, Any]) -> ProfileRow:
         content["noise"] = _without_none(content["noise"])
     if "support" in content:
         content["support"] = [_without_none(state) for state in content["support"]]
-    if "profile_sha256" not in content:
-        content["profile_sha256"] = profile_sha256(row["x_m"], row["z_m"])
     try:
         weld = msgspec.convert(content, WeldProfile)
     except (msgspec.ValidationError, ValueError) as error:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from weld_force_ros.measurement.synthetic_welds import SyntheticWeld, population
-from weld_force_ros.messages import WeldProfile, profile_sha256
+from weld_force_ros.messages import WeldProfile
 
 WELD_SPACING_M = 18.0
 STRETCH_WELDS = 250
@@ -45,7 +45,6 @@ def _placed(number: int, weld: SyntheticWeld, seed: int) -> WeldProfile:
         source=f"population of seed {seed}",
         x_m=x_m,
         z_m=z_m,
-        profile_sha256=profile_sha256(x_m, z_m),
         rail=RAILS[number % len(RAILS)],
         chainage_m=number // len(RAILS) * WELD_SPACING_M,
         line_speed_kmh=float(stretch.choice(LINE_SPEEDS_KMH)),

@@ -96,8 +96,7 @@ def up(
         }
         for kind, options in given.items()
     }
-    for kind, values in parameters.items():
-        check_values(f"{kind}_node", values)
+    parameters = {kind: check_values(f"{kind}_node", values) for kind, values in parameters.items()}
     if not parameters["assessment"].get("bag"):
         launcher.print_line("not recording (no --bag): after a restart, welds of the folder may be judged again")
     ros_args = ["--ros-args", "-r", f"__ns:=/{suite.namespace.strip('/')}"] if suite.namespace else []

@@ -14,6 +14,7 @@ from typer.core import TyperGroup
 
 from weld_force_ros.cli.standard_error import note_old_spelling
 from weld_force_ros.errors import InputError
+from weld_force_ros.ros import environment
 
 if TYPE_CHECKING:
     from weld_force_ros.measurement.instruments import InstrumentFormat
@@ -280,8 +281,9 @@ def ros_module(name: str) -> Any:
     """Import a module of the ROS side.
 
     Raises:
-        InputError: there is no ROS; says how to get it.
+        InputError: there is no ROS, or it cannot start as the environment is; says what to do.
     """
+    environment.prepare()
     try:
         return import_module(f"weld_force_ros.ros.{name}")
     except ImportError as error:

@@ -16,7 +16,7 @@ from weld_force_ros.errors import ProfileError, os_errors_as
 from weld_force_ros.measurement.profile_file import samples_csv
 from weld_force_ros.measurement.rail_stream import Window
 from weld_force_ros.measurement.weld_marks import WeldMark
-from weld_force_ros.messages import Running, WeldMarker, WeldProfile, profile_sha256
+from weld_force_ros.messages import Running, WeldMarker, WeldProfile
 
 _DECIMALS = 12  # of metres
 _LONGEST_NAME, _LONGEST_RAIL, _LONGEST_RAIL_IN_FILE_NAMES = 200, 100, 40
@@ -77,7 +77,6 @@ class CaptureFolder:
             source=mark.file,
             x_m=x_m,
             z_m=z_m,
-            profile_sha256=profile_sha256(x_m, z_m),
             rail=self._rail or UNSET,
             chainage_m=round(mark.chainage_m, 6),
             chainage_direction="with",

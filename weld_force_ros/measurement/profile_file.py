@@ -264,8 +264,7 @@ def _understood(
         content["chainage_m"] = round(float(-found.centre if turned else found.centre), 6)
         content.setdefault("chainage_direction", "against" if turned else "with")
     content |= {"source": source[-200:], "x_m": found.x_m, "z_m": found.z_m, "conditioning": done[:50]}
-    content |= {"profile_sha256": profile_sha256(found.x_m, found.z_m), "source_sha256": digest}
-    content |= {"format": form.name[:200]} | found.measured
+    content |= {"source_sha256": digest, "format": form.name[:200]} | found.measured
     try:
         profile = msgspec.convert(content, WeldProfile)
     except msgspec.ValidationError as error:
@@ -295,7 +294,7 @@ def _line_of(mended: Record, number_of_sample: int) -> str:
 
 
 def write_profile(profile: WeldProfile, path: Path) -> None:
-    """Write a profile in the CSV form; it reads back with the same `profile_sha256`, to the last bit.
+    """Write a profile in the CSV form; it reads back with the same samples, to the last bit.
 
     Args:
         profile: a profile that keeps the contract, with its centre within its range.
@@ -310,7 +309,7 @@ def write_profile(profile: WeldProfile, path: Path) -> None:
 
 
 def profile_csv(profile: WeldProfile, source: str) -> str:
-    """Return a profile in the CSV form; it reads back with the same `profile_sha256`.
+    """Return a profile in the CSV form; it reads back with the same samples.
 
     Args:
         profile: as `write_profile` takes it.
@@ -320,10 +319,10 @@ def profile_csv(profile: WeldProfile, source: str) -> str:
         ProfileError: the profile breaks a bound.
     """
     text = samples_csv(profile, noise="none")
-    if parse_profile(text, source).profile_sha256 != profile.profile_sha256:
-        raise ProfileError(
-            f"{source}: profile_sha256 is not that of the samples", "take it from profile_sha256(x_m, z_m)"
-        )
+    if parse_profile(text, source).profile_sha256 != profile_sha256(profile.x_m, profile.z_m):
+        raise ProfileError(f"{source}: the samples do not read back as they are", "give x increasing and centred")
+    if problem := profile.problem():
+        raise ProfileError(f"{source}: {problem}", "take it from profile_sha256(x_m, z_m)")
     return text
 
 

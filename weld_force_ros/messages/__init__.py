@@ -28,7 +28,7 @@ from weld_force_ros.messages.assessment import (
     Verdict,
     limits_sha256,
 )
-from weld_force_ros.messages.codec import M, decode, encode, legible
+from weld_force_ros.messages.codec import M, decode, encodable, encode, legible
 from weld_force_ros.messages.fields import (
     MAX_CELLS,
     MAX_IDS,
@@ -76,6 +76,17 @@ from weld_force_ros.messages.fields import (
     increasing,
     known,
 )
+from weld_force_ros.messages.identity import (
+    Header,
+    Measured,
+    describe,
+    identity,
+    measurement_id,
+    profile_identity,
+    read_header,
+    stated_identity,
+    text_identity,
+)
 from weld_force_ros.messages.live import Inquiry, RailSurface, Rejection, Settled, WeldMarker
 from weld_force_ros.messages.profile import (
     EdgeReading,
@@ -83,8 +94,6 @@ from weld_force_ros.messages.profile import (
     MeasurementNoise,
     ProfileMeasures,
     WeldProfile,
-    identity,
-    measurement_id,
     profile_problem,
     profile_sha256,
 )
@@ -147,12 +156,14 @@ __all__ = [
     "GrindingAdvice",
     "GrindingSpot",
     "HangingOutcome",
+    "Header",
     "HollowBand",
     "Inquiry",
     "IrregularityKind",
     "LengthUnit",
     "Limit",
     "M",
+    "Measured",
     "MeasurementNoise",
     "Message",
     "Metres",
@@ -196,6 +207,8 @@ __all__ = [
     "WeldProfile",
     "config_sha256",
     "decode",
+    "describe",
+    "encodable",
     "encode",
     "identity",
     "increasing",
@@ -206,8 +219,12 @@ __all__ = [
     "measurement_id",
     "mirrored_support",
     "parse_support",
+    "profile_identity",
     "profile_problem",
     "profile_sha256",
+    "read_header",
+    "stated_identity",
     "support_in_words",
     "support_text",
+    "text_identity",
 ]

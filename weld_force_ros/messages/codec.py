@@ -65,6 +65,11 @@ def legible(reason: str) -> str:
     return line if len(line) <= _LONGEST_REASON else line[:_LONGEST_REASON] + "…"
 
 
+def encodable(text: str) -> str:
+    """Return text that UTF-8 can hold: half a surrogate pair, from a file name of unknown encoding, becomes a `?`."""
+    return text.encode("utf-8", "replace").decode("utf-8")
+
+
 def _not_finite(message: msgspec.Struct) -> str | None:
     for field in message.__struct_fields__:
         value = getattr(message, field)

@@ -10,7 +10,7 @@ from msgspec import UNSET, Meta, UnsetType
 
 T = TypeVar("T")
 
-SCHEMA_VERSION = "1.5"
+SCHEMA_VERSION = "1.6"
 MAX_MESSAGE_BYTES = 16 * 2**20
 MAX_SAMPLES = 50_000
 MAX_SPEEDS = 1_000

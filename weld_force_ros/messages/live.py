@@ -33,6 +33,9 @@ class Rejection(Message, kw_only=True):
     source_sha256: Sha256 | UnsetType = UNSET
     profile_sha256: Sha256 | UnsetType = UNSET
     profile_id: ProfileId | UnsetType = UNSET
+    file_version_of: (
+        Annotated[Name, Meta(description="the file that was refused: of its outcomes the last counts")] | UnsetType
+    ) = UNSET
 
 
 class RailSurface(Message, kw_only=True):

@@ -1,9 +1,11 @@
 """Declare the measured weld and what its geometry says by itself."""
 
+import hashlib
 import itertools
 import math
+import struct
 from collections.abc import Sequence
-from typing import Annotated, Protocol
+from typing import Annotated
 
 import msgspec
 from msgspec import UNSET, Meta, UnsetType
@@ -74,14 +76,17 @@ class WeldProfile(Message, kw_only=True):
     `x_m` has 0 at the weld's centre and increases strictly; `z_m` is positive up. In which direction trains run along
     it, `running` says, where the file or the stream states it, and which way chainage goes, `chainage_direction`. Where
     the geometry was estimated from noisy samples, these stand beside it: `measured_x_m`, `measured_z_m`, levelled and
-    centred like the estimate, and `noise`.
+    centred like the estimate, and `noise`. Without `profile_sha256`, it is computed where the message is made or read.
     """
 
     weld_id: Name
     source: Name
     x_m: Samples
     z_m: Samples
-    profile_sha256: Sha256
+    profile_sha256: Annotated[
+        Sha256,
+        Meta(description="SHA-256 of x_m, then z_m, as little-endian float64, -0 as 0; absent: the receiver's own"),
+    ] = msgspec.field(default_factory=str)
     profile_id: ProfileId | UnsetType = UNSET
     source_sha256: Sha256 | UnsetType = UNSET
     rail: Name | UnsetType = UNSET
@@ -112,12 +117,17 @@ class WeldProfile(Message, kw_only=True):
         | UnsetType
     ) = UNSET
 
+    def __post_init__(self) -> None:
+        if not self.profile_sha256:
+            self.profile_sha256 = profile_sha256(self.x_m, self.z_m)
+
     def problem(self) -> str | None:
         """Return why the geometry cannot be simulated, or that the hash is not that of the samples; else None."""
         if problem := profile_problem(self.x_m, self.z_m):
             return problem
-        if self.profile_sha256 != profile_sha256(self.x_m, self.z_m):
-            return "profile_sha256 is not the hash of x_m and z_m"
+        computed = profile_sha256(self.x_m, self.z_m)
+        if self.profile_sha256 not in (computed, _profile_sha256_until_1_5(self.x_m, self.z_m)):
+            return f"profile_sha256 is {self.profile_sha256}, but x_m and z_m make {computed}"
         if isinstance(self.measured_x_m, UnsetType) or isinstance(self.measured_z_m, UnsetType):
             alone = not isinstance(self.measured_x_m, UnsetType) or not isinstance(self.measured_z_m, UnsetType)
             return "measured_x_m and measured_z_m must come together" if alone else None
@@ -197,23 +207,11 @@ def profile_problem(
 
 
 def profile_sha256(x_m: Sequence[float], z_m: Sequence[float]) -> str:
-    """Return the identity of a geometry: SHA-256 of its samples' JSON (shortest round-trip decimals, so exact)."""
+    """Return the identity of a geometry: SHA-256 of all x, then all z, as little-endian float64, -0 as 0."""
+    samples = [value + 0.0 for value in (*x_m, *z_m)]  # JSON writers of other languages drop the sign of a zero
+    return hashlib.sha256(struct.pack(f"<{len(samples)}d", *samples)).hexdigest()
+
+
+def _profile_sha256_until_1_5(x_m: Sequence[float], z_m: Sequence[float]) -> str:
+    """Return the hash that contracts up to 1.5 have: of the samples' JSON as msgspec writes it."""
     return json_sha256([list(map(float, x_m)), list(map(float, z_m))])
-
-
-def measurement_id(source: str, content_sha256: str) -> str:
-    """Return the identity of one measurement: of where it came from (a file's name) and of its content."""
-    return json_sha256([source, content_sha256])
-
-
-class _About(Protocol):
-    weld_id: str
-    profile_sha256: str
-    profile_id: str | UnsetType
-
-
-def identity(message: _About) -> str:
-    """Return which measurement a message is about; without a name, one geometry of one weld is one measurement."""
-    if isinstance(message.profile_id, str):
-        return message.profile_id
-    return json_sha256([message.weld_id, message.profile_sha256])

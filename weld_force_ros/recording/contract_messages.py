@@ -5,10 +5,20 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import msgspec
-from msgspec import UNSET, UnsetType
 
 from weld_force_ros.errors import BagError, MessageError
-from weld_force_ros.messages import TOPICS, Message, Rejection, Verdict, WeldProfile, decode, identity
+from weld_force_ros.messages import (
+    TOPICS,
+    Measured,
+    Message,
+    Rejection,
+    Verdict,
+    WeldProfile,
+    decode,
+    identity,
+    profile_identity,
+    stated_identity,
+)
 from weld_force_ros.recording.mcap_reader import Recorded
 from weld_force_ros.recording.reader import Bag
 from weld_force_ros.recording.rosbag2_format import STRING
@@ -59,7 +69,7 @@ class OutcomeCounts:
     """The numbers of measurements of a recording by how they ended.
 
     Attributes:
-        measurements: profiles, each counted once however often it was recorded.
+        measurements: profiles, each counted once however often it was recorded, valid or not.
         verdicts: recorded verdicts.
         rejections: recorded rejections, of measurements and of files that were none.
         open: profiles with neither.
@@ -73,43 +83,50 @@ class OutcomeCounts:
     doubled: int
 
 
-class _MeasurementIdentity(msgspec.Struct):
-    """The fields of a message that say which measurement it is about."""
-
-    weld_id: str = ""
-    profile_sha256: str = ""
-    profile_id: str | UnsetType = UNSET
-
-
 @dataclass
 class _OutcomeCounter:
-    profiles: dict[str, str] = field(default_factory=dict)
+    measured: set[str] = field(default_factory=set)
     settled: set[str] = field(default_factory=set)
     doubled: set[str] = field(default_factory=set)
-    rejected_geometries: set[str] = field(default_factory=set)
+    without_outcome: dict[str, str] = field(default_factory=dict)
     verdicts: int = 0
     rejections: int = 0
 
-    def settle(self, measurement: str) -> None:
+    def accept(self, text: str) -> None:
+        self._accept(stated_identity(text, self.without_outcome.__contains__), text)
+
+    def settle(self, kind: type[Message], text: str) -> None:
+        try:
+            entry = msgspec.json.decode(text, type=Measured)
+        except msgspec.DecodeError:
+            return  # what cannot be read settles nothing
+        self.verdicts += kind is Verdict
+        self.rejections += kind is Rejection
+        if kind is Rejection and not isinstance(entry.profile_id, str):
+            return
+        measurement = identity(entry)
         if measurement in self.settled:
             self.doubled.add(measurement)
         self.settled.add(measurement)
+        self.without_outcome.pop(measurement, None)
 
-    def count(self, kind: type[Message], entry: _MeasurementIdentity) -> None:
-        if kind is WeldProfile:
-            self.profiles[identity(entry)] = entry.profile_sha256
-        elif kind is Verdict:
-            self.verdicts += 1
-            self.settle(identity(entry))
-        else:
-            self.rejections += 1
-            if isinstance(entry.profile_id, str):
-                self.settle(entry.profile_id)
-            else:
-                self.rejected_geometries.add(entry.profile_sha256)
+    def counts(self) -> OutcomeCounts:
+        entered, self.without_outcome = self.without_outcome, {}
+        self.measured -= entered.keys()
+        for text in entered.values():
+            self._accept(profile_identity(text), text)
+        return OutcomeCounts(
+            measurements=len(self.measured),
+            verdicts=self.verdicts,
+            rejections=self.rejections,
+            open=len(self.without_outcome),
+            doubled=len(self.doubled),
+        )
 
-    def is_open(self, measurement: str, profile_sha256: str) -> bool:
-        return measurement not in self.settled and profile_sha256 not in self.rejected_geometries
+    def _accept(self, measurement: str, text: str) -> None:
+        self.measured.add(measurement)
+        if measurement not in self.settled:
+            self.without_outcome[measurement] = text
 
 
 def count_outcomes(bag: Bag) -> OutcomeCounts | None:
@@ -117,16 +134,12 @@ def count_outcomes(bag: Bag) -> OutcomeCounts | None:
     counter = _OutcomeCounter()
     for recorded, kind in _stored_messages(bag, (WeldProfile, Verdict, Rejection)):
         try:
-            entry = msgspec.json.decode(recorded.text, type=_MeasurementIdentity)
-        except (BagError, msgspec.DecodeError):
-            continue  # what cannot be read settles nothing
-        counter.count(kind, entry)
-    if not (counter.profiles or counter.verdicts or counter.rejections):
-        return None
-    return OutcomeCounts(
-        measurements=len(counter.profiles),
-        verdicts=counter.verdicts,
-        rejections=counter.rejections,
-        open=sum(counter.is_open(*profile) for profile in counter.profiles.items()),
-        doubled=len(counter.doubled),
-    )
+            text = recorded.text
+        except BagError:
+            continue
+        if kind is WeldProfile:
+            counter.accept(text)
+        else:
+            counter.settle(kind, text)
+    found = counter.counts()
+    return found if found.measurements or found.verdicts or found.rejections else None

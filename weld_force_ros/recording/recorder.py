@@ -1,11 +1,11 @@
 """Record message by message while a process runs, into a bag that is split, continued and never overwritten."""
 
 import errno
-import fcntl
 import os
 import re
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -17,6 +17,7 @@ from weld_force_ros.recording.bag_errors import as_bag_error, refusal_to_overwri
 from weld_force_ros.recording.compaction import KEPT, Compactor
 from weld_force_ros.recording.disk_space import DISK_FULL, DiskSpace
 from weld_force_ros.recording.disk_sync import DiskSync
+from weld_force_ros.recording.folder_lock import lock_folder
 from weld_force_ros.recording.mcap_reader import McapFile
 from weld_force_ros.recording.mcap_writer import AppendFile, McapWriter
 from weld_force_ros.recording.metadata_file import MetadataFile
@@ -53,6 +54,7 @@ class Recorder:
         split_bytes: int = SPLIT_BYTES,
         split_s: float = SPLIT_S,
         reserve_bytes: int = RESERVE_BYTES,
+        say: Callable[[str], None] = lambda _: None,
     ) -> None:
         """Make the folder, or continue the recording in it, and start a file.
 
@@ -64,6 +66,7 @@ class Recorder:
             split_bytes: a file that would grow larger is completed, and another begun.
             split_s: likewise one whose first message was written so long ago.
             reserve_bytes: what is left free on the disk.
+            say: called with who is waited for: a process that records here and is stopping.
 
         Raises:
             BagError: something else has this name, somebody else records to it, or it cannot be written.
@@ -78,7 +81,7 @@ class Recorder:
         self._stopped = False
         self._check_again_s = 0.0
         with as_bag_error(directory, "choose another place"):
-            self._handle = _lock_folder(directory)
+            self._handle = lock_folder(directory, say)
             self._space = DiskSpace(directory, reserve_bytes)
             self._sync = DiskSync()
             self._metadata_file = MetadataFile(directory)
@@ -371,19 +374,3 @@ class _OpenFile:
         """Close and remove the file."""
         self.stream.close()
         self.path.unlink(missing_ok=True)
-
-
-def _lock_folder(directory: Path) -> int:
-    """Make a folder unless it is there, and return a handle that locks it until the process ends, however it ends."""
-    if directory.exists() and not directory.is_dir():
-        raise refusal_to_overwrite(directory)
-    if not directory.exists():
-        directory.mkdir(parents=True, exist_ok=True)
-        sync_folder(directory.resolve().parent)
-    handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(handle)
-        raise BagError(f"{directory} is being recorded to already", "stop that, or choose another name") from None
-    return handle

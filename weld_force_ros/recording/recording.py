@@ -33,7 +33,7 @@ class Recording:
         settings: by `config_sha256`.
         limits: by `limits_sha256`.
         unreadable: an error for each message that breaks the contract.
-        superseded: identities of measurements whose file was later read again, in a newer version.
+        superseded: identities of outcomes whose file was later read again: a newer version, or by other options.
     """
 
     path: Path
@@ -83,6 +83,8 @@ def open_recording(path: Path) -> Recording:
             case Verdict():
                 recording.verdicts.append(message)
             case Rejection():
+                if isinstance(message.file_version_of, str):
+                    recording.superseded |= _outcomes_before(message, message.file_version_of, versions, recording)
                 recording.rejections.append(message)
             case BagError():
                 recording.unreadable.append(message)
@@ -98,8 +100,21 @@ def _older_versions(
     now = identity(profile)
     before = versions.get((file, profile.weld_id), now)
     versions[file, profile.weld_id] = now
-    rejected = {str(r.profile_id) for r in recording.rejections if r.source == file and isinstance(r.profile_id, str)}
-    return ({before} | rejected) - {now}
+    return ({before} | _rejections_of(file, recording)) - {now}
+
+
+def _outcomes_before(
+    rejection: Rejection, file: str, versions: dict[tuple[str, str], str], recording: Recording
+) -> set[str]:
+    """Return all earlier measurements and rejections of a file that is now refused, and forget them."""
+    welds = [version for version in versions if version[0] == file]
+    return ({versions.pop(version) for version in welds} | _rejections_of(file, recording)) - {
+        str(rejection.profile_id)
+    }
+
+
+def _rejections_of(file: str, recording: Recording) -> set[str]:
+    return {str(r.profile_id) for r in recording.rejections if r.source == file and isinstance(r.profile_id, str)}
 
 
 def judged_together(force_maps: Iterable[ForceMap]) -> list[list[ForceMap]]:

@@ -2,7 +2,7 @@
 
 import threading
 from collections import OrderedDict, deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import islice
@@ -117,7 +117,7 @@ class LiveReport:
                 self._write_judged_by(message.limits_sha256)
             case Rejection():
                 self._partial.pop(str(message.profile_id), None)
-                with self._new_row(RejectedRecord(message)) as number:
+                with self._new_row(RejectedRecord(message), self._older_outcomes(message)) as number:
                     self._write(number, RejectedRecord(message))
             case WeldProfile() | ForceMap() | ForceHistory() | Verdict():
                 self._add_part(message)
@@ -127,7 +127,7 @@ class LiveReport:
         weld = self._partial.get(measurement) or _PartialWeld()
         _keep(self._partial, measurement, weld, _MOST_PARTIAL)
         if isinstance(message, Verdict):
-            with self._new_row(self._record(weld, message), self._older_version(weld, message)) as number:
+            with self._new_row(self._record(weld, message), self._older_versions(weld, message)) as number:
                 weld.number, weld.verdict = number, message
                 is_complete = self._write_weld(weld)
         else:
@@ -136,15 +136,24 @@ class LiveReport:
         if is_complete:
             del self._partial[measurement]
 
-    def _older_version(self, weld: _PartialWeld, verdict: Verdict) -> int | None:
-        """Return the row of an earlier version of the weld's file, if one is kept, and note that this is the newest."""
+    def _older_versions(self, weld: _PartialWeld, verdict: Verdict) -> list[int]:
+        """Return the rows of an earlier version of the weld's file, and note that this is the newest."""
         profile = weld.get(WeldProfile)
         if profile is None or not isinstance(profile.file_version_of, str):
-            return None
-        version = f"{profile.file_version_of}\n{verdict.weld_id}"
-        older = self._versions.get(version)
-        _keep(self._versions, version, self._last + 1, NEWEST)
-        return older
+            return []
+        file = profile.file_version_of
+        older = [self._versions.pop(version, 0) for version in (f"{file}\n{verdict.weld_id}", f"{file}\n")]
+        _keep(self._versions, f"{file}\n{verdict.weld_id}", self._last + 1, NEWEST)
+        return sorted(filter(None, older))
+
+    def _older_outcomes(self, rejection: Rejection) -> list[int]:
+        """Return the rows of all that came of a file before it was refused, and note that this is the newest."""
+        if not isinstance(rejection.file_version_of, str):
+            return []
+        of_file = f"{rejection.file_version_of}\n"
+        older = [self._versions.pop(version) for version in list(self._versions) if version.startswith(of_file)]
+        _keep(self._versions, of_file, self._last + 1, NEWEST)
+        return sorted(older)
 
     def _write_judged_by(self, sha256: str) -> None:
         """Write the details of welds whose verdict arrived before its settings or limits."""
@@ -174,13 +183,13 @@ class LiveReport:
         )
 
     @contextmanager
-    def _new_row(self, record: Record, supersedes: int | None = None) -> Iterator[int]:
+    def _new_row(self, record: Record, supersedes: Sequence[int]) -> Iterator[int]:
         """Give the number of a new row, to write its details; afterwards add the row, whether they were written or not.
 
         In this order, as a page that sees a row may ask for its details at once.
         """
         number = self._last + 1
-        content = row(number, record) | ({} if supersedes is None else {"supersedes": supersedes})
+        content = row(number, record) | ({"supersedes": supersedes} if supersedes else {})
         encoded = msgspec.json.encode(content)
         try:
             yield number

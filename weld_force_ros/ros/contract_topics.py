@@ -1,6 +1,5 @@
 """Publish and receive the contract messages of one node: stamped, numbered, validated, counted."""
 
-import hashlib
 import secrets
 import threading
 import time
@@ -11,8 +10,9 @@ from typing import NamedTuple, Self, TypeVar
 from diagnostic_msgs.msg import DiagnosticArray
 from msgspec import UNSET, UnsetType
 from rclpy.callback_groups import CallbackGroup
+from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSProfile, qos_policy_name_from_kind
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from std_msgs.msg import String
@@ -22,19 +22,27 @@ from weld_force_ros.messages import (
     MAX_MESSAGE_BYTES,
     MAX_TEXT,
     TOPICS,
+    Header,
     Message,
     Rejection,
     Stamp,
+    WeldMarker,
+    WeldProfile,
     decode,
+    describe,
+    encodable,
     encode,
-    measurement_id,
+    read_header,
+    text_identity,
 )
 from weld_force_ros.ros import diagnostics, qos
 from weld_force_ros.ros.diagnostics import NodeDiagnostics
-from weld_force_ros.ros.sequence_tracker import Header, SequenceTracker, read_header
+from weld_force_ros.ros.foreign_publishers import TolerantSubscription
+from weld_force_ros.ros.sequence_tracker import SequenceTracker
 from weld_force_ros.ros.serialized_messages import RecordedPublisher, SerializedMessage, subscribe_raw
 
 M = TypeVar("M", bound=Message)
+_FROM_ANYBODY: tuple[type[Message], ...] = (WeldProfile, WeldMarker)
 _MAX_NAME = 200
 _CLOSE_S = 5.0
 _CDR_OVERHEAD_BYTES = 64
@@ -65,10 +73,7 @@ class Incoming(NamedTuple):
     @property
     def description(self) -> str:
         """Return what to call the message in a Rejection."""
-        topic = TOPICS[self.kind].name
-        if self.header is None or not self.header.publisher:
-            return f"{topic} message"
-        return f"{topic} message {self.header.sequence} of {self.header.publisher}"
+        return describe(self.kind, self.header)
 
 
 class ContractTopics:
@@ -99,6 +104,7 @@ class ContractTopics:
         self._publishers: dict[type[Message], RecordedPublisher] = {}
         self._other_publishers: list[RecordedPublisher] = []
         self._subscriptions: list[Subscription] = []
+        self._tolerant_subscriptions: list[TolerantSubscription] = []
         for kind in publishes:
             self._publishers[kind] = RecordedPublisher(
                 node, String, TOPICS[kind].name, qos.publisher_qos(TOPICS[kind]), self._record
@@ -138,6 +144,8 @@ class ContractTopics:
         self.diagnostics.stop(self._node)
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
+        for tolerant in self._tolerant_subscriptions:
+            tolerant.destroy()
         for publisher in (*self._publishers.values(), *self._other_publishers):
             publisher.destroy()
 
@@ -198,14 +206,14 @@ class ContractTopics:
             reason = str(error) or type(error).__name__
             remedy = "check the profile; if it is in order, report this as a fault"
         rejection = Rejection(
-            source=_printable(source)[:_MAX_NAME] or "unknown",
-            reason=_printable(reason).removeprefix(f"{source}: ")[:MAX_TEXT],
-            remedy=_printable(remedy)[:MAX_TEXT],
-            raw_text=_printable(raw_text[:MAX_TEXT]),
+            source=encodable(source)[:_MAX_NAME] or "unknown",
+            reason=encodable(reason).removeprefix(f"{source}: ")[:MAX_TEXT],
+            remedy=encodable(remedy)[:MAX_TEXT],
+            raw_text=encodable(raw_text[:MAX_TEXT]),
             raw_truncated=len(raw_text) > MAX_TEXT,
             source_sha256=source_sha256,
             profile_sha256=profile_sha256,
-            profile_id=profile_id if isinstance(profile_id, str) else _identity_of_text(source, raw_text),
+            profile_id=profile_id if isinstance(profile_id, str) else text_identity(source, raw_text),
         )
         self.diagnostics.report_problem(f"{rejection.source}: {rejection.reason}")
         self._node.get_logger().warning(f"{rejection.source} rejected: {rejection.reason}; {rejection.remedy}")
@@ -214,8 +222,27 @@ class ContractTopics:
     def subscribe(
         self, kind: type[Message], take: Callable[[SerializedMessage], None], group: CallbackGroup | None = None
     ) -> None:
-        """Subscribe to a contract topic; what `take` gets is to be handed to `receive`, on any one thread."""
-        self.subscribe_other(String, TOPICS[kind].name, qos.subscription_qos(TOPICS[kind]), take, group)
+        """Subscribe to a contract topic; what `take` gets is to be handed to `receive`, on any one thread.
+
+        What people publish themselves is taken with any quality of service; of the nodes' own topics, a publisher that
+        does not match is a problem.
+        """
+        topic, profile, group = TOPICS[kind], qos.subscription_qos(TOPICS[kind]), group or self._group
+        if kind in _FROM_ANYBODY:
+            self._tolerant_subscriptions.append(
+                TolerantSubscription(self._node, String, topic.name, profile, take, group)
+            )
+            return
+
+        def report_mismatch(event: QoSRequestedIncompatibleQoSInfo) -> None:
+            policy = qos_policy_name_from_kind(event.last_policy_kind).lower()
+            self.report_problem(
+                f"a publisher of {topic.name} is not heard: its {policy} is not that of the suite; "
+                f"publish with reliable{' and transient local' if topic.latched else ''}"
+            )
+
+        events = SubscriptionEventCallbacks(incompatible_qos=report_mismatch)
+        self._subscriptions.append(subscribe_raw(self._node, String, topic.name, profile, take, group, events))
 
     def subscribe_other(
         self,
@@ -282,11 +309,6 @@ class ContractTopics:
             publisher.wait_until_acknowledged(deadline)
 
 
-def _identity_of_text(source: str, text: str) -> str:
-    content = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
-    return measurement_id(_printable(source), content)
-
-
 def _text(serialized: SerializedMessage) -> str:
     if len(serialized.cdr) > MAX_MESSAGE_BYTES + _CDR_OVERHEAD_BYTES:
         return f"a message of {len(serialized.cdr)} bytes, which was not read"
@@ -294,8 +316,3 @@ def _text(serialized: SerializedMessage) -> str:
         return deserialize_message(serialized.cdr, String).data
     except Exception:  # not CDR: what arrived is kept for the Rejection
         return serialized.cdr.decode("utf-8", "replace")
-
-
-def _printable(text: str) -> str:
-    # Half a surrogate pair, from a file name of unknown encoding, has no UTF-8 form.
-    return text.encode("utf-8", "replace").decode("utf-8")

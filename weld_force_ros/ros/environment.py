@@ -1,23 +1,28 @@
-"""Set the environment variables that rclpy from PyPI needs before it starts."""
+"""Check and complete the environment variables of ROS: what is wrong is said in one line, before it starts."""
 
 import os
 import sys
-from contextlib import suppress
+import tempfile
 from pathlib import Path
 
 import platformdirs
 
+from weld_force_ros.errors import InputError
+
 LOCALHOST_ONLY = "LOCALHOST"
+_MAX_DOMAIN_ID = 232  # above, the ports of Fast DDS run out
 
 
 def prepare() -> None:
-    """Set what is missing for rclpy: where package shares are and where logs go. The user's own values stay."""
+    """Set what is missing for rclpy: where package shares are and where logs go. The user's own values stay.
+
+    Raises:
+        InputError: a value with which ROS does not start.
+    """
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
-    if "ROS_LOG_DIR" not in os.environ and "ROS_HOME" not in os.environ:
-        folder = Path(platformdirs.user_log_dir("weld_force_ros", appauthor=False))
-        with suppress(OSError):  # then ROS decides
-            folder.mkdir(parents=True, exist_ok=True)
-            os.environ["ROS_LOG_DIR"] = str(folder)
+    _check_domain()
+    _check_middleware()
+    _prepare_log_folder()
 
 
 def stay_on_this_machine() -> None:
@@ -29,3 +34,46 @@ def use_own_domain() -> None:
     """Stay on this machine, in a ROS domain of this process unless the user chose one: two demos do not mix."""
     stay_on_this_machine()
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
+
+
+def _check_domain() -> None:
+    domain = os.environ.get("ROS_DOMAIN_ID", "")
+    if domain and not (domain.isdecimal() and int(domain) <= _MAX_DOMAIN_ID):
+        raise InputError(f"ROS_DOMAIN_ID is {domain!r}", f"give a whole number from 0 to {_MAX_DOMAIN_ID}, or unset it")
+
+
+def _check_middleware() -> None:
+    """Look the middleware up where ROS does: once it is loaded, a wrong name ends the process."""
+    name = os.environ.get("RMW_IMPLEMENTATION", "")
+    folders = [Path(prefix) for prefix in os.environ["AMENT_PREFIX_PATH"].split(os.pathsep)]
+    index = Path("share") / "ament_index" / "resource_index" / "rmw_typesupport"
+    installed = {file.name for folder in folders for file in (folder / index).glob("rmw_*")} - {"rmw_implementation"}
+    if name and installed and name not in installed:
+        raise InputError(
+            f"RMW_IMPLEMENTATION is {name!r}, which is not installed",
+            f"install it, set {' or '.join(sorted(installed))}, or unset it",
+        )
+
+
+def _prepare_log_folder() -> None:
+    stated = next((name for name in ("ROS_LOG_DIR", "ROS_HOME") if os.environ.get(name)), None)
+    if stated is not None:
+        folder = Path(os.environ[stated]).expanduser() / ("log" if stated == "ROS_HOME" else "")
+        if (problem := _unwritable(folder)) is not None:
+            raise InputError(f"{stated}: no logs can be written to {folder}: {problem}", "name another, or unset it")
+        return
+    folder = Path(platformdirs.user_log_dir("weld_force_ros", appauthor=False))
+    if _unwritable(folder) is not None:  # a home that is read-only, or none
+        folder = Path(tempfile.gettempdir()) / f"weld_force_ros-log-{os.getuid()}"
+    if _unwritable(folder) is None:
+        os.environ["ROS_LOG_DIR"] = str(folder)
+
+
+def _unwritable(folder: Path) -> str | None:
+    """Make a folder and return why nothing can be written to it; None if it can."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return None
+    except OSError as error:
+        return error.strerror or str(error)

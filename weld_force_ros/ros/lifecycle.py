@@ -11,7 +11,7 @@ from rclpy.parameter import Parameter
 
 from weld_force_ros.errors import InputError, WeldForceError
 from weld_force_ros.ros.contract_topics import ContractTopics
-from weld_force_ros.ros.parameters import PARAMETERS, NodeParameter
+from weld_force_ros.ros.parameters import PARAMETERS, NodeParameter, check_names
 from weld_force_ros.ros.worker import BackPressureGroup
 
 CLOSE_S = 5.0
@@ -40,8 +40,12 @@ class LifecycleNodeBase(LifecycleNode):
         self._configured = False
         self._managed = True
         self._resources = ExitStack()
+        given: dict[str, Parameter] = self._parameter_overrides  # rclpy has no public name for what a node was given
+        check_names(self.kind, given)
+        given.update({parameter.name: parameter for parameter in self._as_declared(list(given.values()))})
         for parameter in PARAMETERS[self.kind]:
             self.declare_parameter(parameter.name, parameter.default, _descriptor(parameter))
+        self.add_pre_set_parameters_callback(self._as_declared)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._change_parameters)
 
@@ -171,6 +175,13 @@ class LifecycleNodeBase(LifecycleNode):
             return TransitionCallbackReturn.FAILURE
         self.problem = None
         return TransitionCallbackReturn.SUCCESS
+
+    def _as_declared(self, given: list[Parameter]) -> list[Parameter]:
+        """Return parameters with whole numbers as float where the node has a float: YAML makes `600` an integer."""
+        floats = {p.name for p in PARAMETERS[self.kind] if isinstance(p.default, float)}
+        return [
+            Parameter(p.name, value=float(p.value)) if p.name in floats and type(p.value) is int else p for p in given
+        ]
 
     def _check_parameters(self, given: list[Parameter]) -> SetParametersResult:
         changes = self._own(given)

@@ -216,9 +216,7 @@ class NodeSuite:
                 return SimulatorNode(load=self._load_simulator, **options)
             return AssessmentNode(**self._on_message, **options)
         except ParameterException as error:
-            raise InputError(
-                _one_line(error), "give a value of that type and range; 600 is no double, 600.0 is"
-            ) from None
+            raise InputError(_one_line(error), "give a value of that type and range") from None
 
     def _spin(self) -> None:
         try:

@@ -1,7 +1,8 @@
 """Define the parameters of the nodes, and read and check ROS parameter files that hold them (`data/config`)."""
 
+import difflib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -50,6 +51,9 @@ class NodeParameter:
 _UNIT = "of files that do not state it: m, cm, mm or um; empty: not stated"
 _OWN = "0: the track's own"
 _AUTOSTART = NodeParameter("autostart", True, "configure and activate at once, without a lifecycle manager")
+
+_OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
+_QOS_OVERRIDES = "qos_overrides."
 
 PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
     "profile_node": (
@@ -161,22 +165,25 @@ def default_parameter_file() -> Path:
     return Path(str(resources.files("weld_force_ros.data") / "config" / "default.yaml"))
 
 
-def read_parameter_file(path: Path) -> dict[str, dict[str, dict[str, Any]]]:
+def read_parameter_file(path: Path) -> dict[str, dict[str, Any]]:
     """Read and check a ROS parameter file for these nodes.
 
     Args:
-        path: YAML of the form `/**/simulator_node: {ros__parameters: {track: bilbao}}`.
+        path: YAML of the form `/**/simulator_node: {ros__parameters: {track: bilbao}}`. As in ROS, a pattern may end
+            in a wildcard, and namespaces may be levels of their own.
 
     Returns:
-        Parameters by node pattern, as in the file: `{"/**/simulator_node": {"ros__parameters": {...}}}`.
+        Parameters by node pattern: `{"/**/simulator_node": {"track": "bilbao"}}`.
 
     Raises:
         InputError: not readable, not of that form, an unknown node or parameter, a wrong type or a value out of range.
     """
     try:
-        config = _yaml.decode(_yaml.read(path), dict[str, dict[str, dict[str, Any]]])
-        for pattern, content in config.items():
-            _check_node(pattern, content)
+        config = dict(_sections(_yaml.decode(_yaml.read(path), dict[str, Any])))
+        if not config:
+            raise ValueError("it holds no ros__parameters")
+        for pattern, values in config.items():
+            _check_section(pattern, values)
     except OSError as error:
         raise InputError(f"config {path}: {error.strerror or error}", "name a file that can be read") from None
     except (msgspec.DecodeError, ValueError) as error:
@@ -184,7 +191,7 @@ def read_parameter_file(path: Path) -> dict[str, dict[str, dict[str, Any]]]:
     return config
 
 
-def values_of_node(config: Mapping[str, Mapping[str, Mapping[str, Any]]], node: str, namespace: str) -> dict[str, Any]:
+def values_of_node(config: Mapping[str, Mapping[str, Any]], node: str, namespace: str) -> dict[str, Any]:
     """Return what a parameter file says for one node; later lines override earlier ones.
 
     Args:
@@ -194,24 +201,43 @@ def values_of_node(config: Mapping[str, Mapping[str, Mapping[str, Any]]], node: 
     """
     full_name = f"/{namespace.strip('/')}/{node}".replace("//", "/")
     found: dict[str, Any] = {}
-    for pattern, content in config.items():
+    for pattern, values in config.items():
         if _matches(pattern, full_name):
-            found |= content["ros__parameters"]
+            found |= _declared(node, values) if _is_wildcard(pattern) else values
     return found
 
 
-def check_values(node: str, values: Mapping[str, Any]) -> None:
-    """Check that a node can start with these values, before it is started.
+def check_values(node: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values in their parameters' types, once it is certain that a node can start with them.
 
     Raises:
         InputError: an unknown parameter, a wrong type, a value out of range, or settings that cannot be simulated.
     """
+    check_names(node, values)
     try:
-        msgspec.convert(values, _structure(node))
+        typed = msgspec.convert(values, _structure(node))
     except msgspec.ValidationError as error:
         raise InputError(f"{node}: {error}", "see data/config/default.yaml for what it takes") from None
     if node == "simulator_node":
         settings_from_parameters(values)
+    return {name: getattr(typed, name) for name in values}
+
+
+def check_names(node: str, names: Iterable[str]) -> None:
+    """Check that some node of the suite has these parameters: those of several nodes may be given to each.
+
+    Raises:
+        InputError: a parameter that none has; the nearest name is said.
+    """
+    own = [parameter.name for parameter in PARAMETERS[node]]
+    others = sorted({parameter.name for parameters in PARAMETERS.values() for parameter in parameters} - set(own))
+    for name in names:
+        if name not in (*own, *others, *_OF_EVERY_NODE) and not name.startswith(_QOS_OVERRIDES):
+            near = difflib.get_close_matches(name, own, 1) or difflib.get_close_matches(name, others, 1)
+            raise InputError(
+                f"{node}: no node has a parameter {name!r}",
+                f"write {near[0]!r}" if near else "see data/config/default.yaml for what there is",
+            )
 
 
 def settings_from_parameters(values: Mapping[str, Any]) -> list[SimulationSettings]:
@@ -249,15 +275,45 @@ def _matches(pattern: str, full_name: str) -> bool:
     return re.fullmatch(expression, full_name) is not None
 
 
-def _check_node(pattern: str, content: Mapping[str, Mapping[str, Any]]) -> None:
+def _sections(content: Mapping[str, Any], namespace: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the parameters of each pattern, whose levels may be separate."""
+    for key, value in content.items():
+        pattern = f"{namespace}/{key.strip('/')}" if namespace else key
+        if not isinstance(value, dict):
+            raise ValueError(f"{pattern}: {value!r} where ros__parameters are expected")
+        if "ros__parameters" not in value:
+            if not value or not all(isinstance(inner, dict) for inner in value.values()):
+                raise ValueError(
+                    f"{pattern}: holds {', '.join(map(str, value)) or 'nothing'} instead of ros__parameters"
+                )
+            yield from _sections(value, pattern)
+        elif len(value) > 1 or not isinstance(value["ros__parameters"], dict):
+            raise ValueError(f"{pattern}: holds more than a map of ros__parameters")
+        else:
+            yield pattern, value["ros__parameters"]
+
+
+def _is_wildcard(pattern: str) -> bool:
+    return pattern.rpartition("/")[2] in ("*", "**")
+
+
+def _declared(node: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    return {p.name: values[p.name] for p in PARAMETERS[node] if p.name in values}
+
+
+def _check_section(pattern: str, values: Mapping[str, Any]) -> None:
     node = pattern.rpartition("/")[2]
-    if node not in PARAMETERS:
+    if node not in PARAMETERS and not _is_wildcard(pattern):
         raise ValueError(f"{pattern!r} names none of {', '.join(PARAMETERS)}")
-    if set(content) != {"ros__parameters"}:
-        raise ValueError(f"{pattern}: holds {', '.join(content) or 'nothing'} instead of ros__parameters")
     try:
-        msgspec.convert(content["ros__parameters"], _structure(node))
-    except msgspec.ValidationError as error:
+        if node in PARAMETERS:
+            check_names(node, values)
+            msgspec.convert(values, _structure(node))
+            return
+        for node in PARAMETERS:
+            check_names(node, values)
+            msgspec.convert(_declared(node, values), _structure(node))
+    except (msgspec.ValidationError, InputError) as error:
         raise ValueError(f"{pattern}: {error}") from None
 
 
@@ -273,15 +329,23 @@ def parameter_file_schema() -> dict[str, Any]:
                 "type": "object",
                 "additionalProperties": False,
                 "required": ["ros__parameters"],
-                "properties": {
-                    "ros__parameters": msgspec.json.schema_components([_structure(node)], ref_template="{name}")[1][
-                        node
-                    ]
-                },
+                "properties": {"ros__parameters": _schema_of(_structure(node))},
             }
             for node in PARAMETERS
+        }
+        | {
+            r"^(/[A-Za-z0-9_*]+)*/\*\*?$": {
+                "type": "object",
+                "additionalProperties": False,
+                "required": ["ros__parameters"],
+                "properties": {"ros__parameters": _schema_of(_structure_of_all())},
+            }
         },
     }
+
+
+def _schema_of(structure: type[msgspec.Struct]) -> dict[str, Any]:
+    return msgspec.json.schema_components([structure], ref_template="{name}")[1][structure.__name__]
 
 
 def default_parameter_text() -> str:
@@ -304,6 +368,12 @@ def _structure(node: str) -> type[msgspec.Struct]:
     fields = [(parameter.name, _type(parameter), parameter.default) for parameter in PARAMETERS[node]]
     fields.append(("use_sim_time", bool, False))
     return msgspec.defstruct(node, fields, kw_only=True, forbid_unknown_fields=True)
+
+
+def _structure_of_all() -> type[msgspec.Struct]:
+    by_name = {p.name: p for parameters in PARAMETERS.values() for p in parameters}
+    fields = [(name, _type(parameter), parameter.default) for name, parameter in by_name.items()]
+    return msgspec.defstruct("any_node", [*fields, ("use_sim_time", bool, False)], forbid_unknown_fields=True)
 
 
 def _type(parameter: NodeParameter) -> Any:

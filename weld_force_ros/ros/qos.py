@@ -48,8 +48,15 @@ CONTRACT = _reliable(_LATCHED)
 PLOT = _reliable(_LATCHED, 100)
 DIAGNOSTICS = _reliable(_LIVE, 10)
 STREAM = _reliable(_LIVE)
-BEST_EFFORT = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.BEST_EFFORT)
+BEST_EFFORT = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.BEST_EFFORT, durability=_LIVE)
 RESENT = _reliable(_LATCHED, 16)
+
+
+def more_tolerant(profile: QoSProfile) -> QoSProfile | None:
+    """Return what to ask for where a publisher does not offer `profile`: no history, then best effort, then None."""
+    if profile.durability == _LATCHED:
+        return STREAM
+    return BEST_EFFORT if profile.reliability == ReliabilityPolicy.RELIABLE else None
 
 
 def subscription_qos(topic: Topic) -> QoSProfile:

@@ -1,28 +1,9 @@
 """Track sequence numbers of publishers: count gaps and recognise messages that came before."""
 
-from typing import Annotated
-
-import msgspec
-
-from weld_force_ros.messages import MAX_MESSAGE_BYTES, Number
+from weld_force_ros.messages import Header
 
 MOST_PUBLISHERS = 1000
 """How many publishers of all topics are tracked: names come from outside, and every restart brings new ones."""
-
-
-class Header(msgspec.Struct):
-    """The fields that are read of a message even if the rest of it is broken."""
-
-    publisher: Annotated[str, msgspec.Meta(max_length=300)] = ""
-    sequence: Number = 0
-
-
-def read_header(data: str) -> Header | None:
-    """Return the header of a message; None if not even that can be read."""
-    try:
-        return msgspec.json.decode(data, type=Header) if len(data) <= MAX_MESSAGE_BYTES else None
-    except (msgspec.DecodeError, UnicodeError, RecursionError):
-        return None
 
 
 class SequenceTracker:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.serialization import serialize_message
@@ -17,7 +18,10 @@ _SLOW_SUBSCRIBER_S = 2.0
 
 
 class SerializedMessage(NamedTuple):
-    """A serialised message of any topic, as it is recorded; times are nanoseconds since the epoch."""
+    """A serialised message of any topic, as it is recorded; times are nanoseconds since the epoch.
+
+    `number` is the middleware's count of its publisher's messages.
+    """
 
     topic: str
     message_type: type
@@ -25,6 +29,7 @@ class SerializedMessage(NamedTuple):
     cdr: bytes
     received_ns: int
     sent_ns: int
+    number: int = 0
 
 
 class RecordedPublisher:
@@ -86,6 +91,7 @@ def subscribe_raw(
     profile: QoSProfile,
     take: Callable[[SerializedMessage], None],
     group: CallbackGroup | None = None,
+    events: SubscriptionEventCallbacks | None = None,
 ) -> Subscription:
     """Subscribe to a topic of any type; `take` gets each message in the executor's thread and must be quick."""
 
@@ -98,8 +104,11 @@ def subscribe_raw(
                 cdr,
                 info["received_timestamp"],
                 info["source_timestamp"],
+                info["publication_sequence_number"],
             )
         )
 
-    subscription = node.create_subscription(message_type, topic, callback, profile, raw=True, callback_group=group)
+    subscription = node.create_subscription(
+        message_type, topic, callback, profile, raw=True, callback_group=group, event_callbacks=events
+    )
     return subscription

@@ -5,9 +5,10 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -22,21 +23,28 @@ _POLL_S = 0.1
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.5, 5.0
 _STEADY_S = 3.0
 _BAD_INPUT = 2
+_AT_ONCE_S = 5.0
 _FEW_ARENAS = {"MALLOC_ARENA_MAX": "2"}  # each thread's own arena would keep 10 MB and more that it needed once
 
 
 class NodeProcess:
     """The process of one node.
 
+    Args:
+        kind: of node.
+        arguments: of a ROS command line.
+        standard_input: a pipe that ends with this process, which the node's notices.
+
     Attributes:
         kind: of node.
         starts: how often it was started.
     """
 
-    def __init__(self, kind: Kind, arguments: Sequence[str]) -> None:
+    def __init__(self, kind: Kind, arguments: Sequence[str], standard_input: int) -> None:
+        self._standard_input = standard_input
         self.kind = kind
         self.starts = 0
-        self._command = [sys.executable, "-m", "weld_force_ros.ros.launcher", kind, *arguments]
+        self._command = [sys.executable, "-m", "weld_force_ros.ros.launcher", kind, "--supervised", *arguments]
         self._wait_s = _FIRST_PAUSE_S
         self._start_at_s = 0.0
         self._process: subprocess.Popen[bytes] | None = None
@@ -48,7 +56,9 @@ class NodeProcess:
 
     def start(self) -> None:
         """Start the process; signals of the terminal do not reach it, it is stopped in its turn."""
-        self._process = subprocess.Popen(self._command, start_new_session=True, env={**_FEW_ARENAS, **os.environ})
+        self._process = subprocess.Popen(
+            self._command, start_new_session=True, env={**_FEW_ARENAS, **os.environ}, stdin=self._standard_input
+        )
         self._started_s = time.monotonic()
         self.starts += 1
 
@@ -72,18 +82,29 @@ class NodeProcess:
             print_line(f"{self.kind} node {how}; starting it again in {self._wait_s:g} s, nothing accepted is lost")
         return code
 
-    def stop(self, timeout_s: float) -> int:
-        """End the process once it has finished what it took, and return its exit code."""
+    def stop(self, timeout_s: float, abandon: threading.Event | None = None) -> int:
+        """End the process once it has finished what it took, at once if `abandon` is set, and return its exit code."""
         if self._process is None:
             return 0
+        abandon = abandon or threading.Event()
         self._process.terminate()
-        try:
-            code = self._process.wait(timeout_s)
-            # Ended by the signal itself: it had no handler for it yet, so it had taken nothing.
-            return 0 if code == -signal.SIGTERM else code
-        except subprocess.TimeoutExpired:
+        deadline_s = time.monotonic() + timeout_s
+        while self._process.poll() is None and time.monotonic() < deadline_s and not abandon.wait(_POLL_S):
+            pass
+        if abandon.is_set() and self.kind == "assessment":  # the others keep nothing that is not in folder or recording
+            self._close_at_once()
+        if self._process.poll() is None:
             self._process.kill()
-            return self._process.wait()
+        code = self._process.wait()
+        # Ended by the signal itself: it had no handler for it yet, so it had taken nothing.
+        return 0 if code == -signal.SIGTERM else code
+
+    def _close_at_once(self) -> None:
+        assert self._process is not None  # noqa: S101 - called with it
+        for _ in range(2):  # the first may be that which it has got
+            self._process.terminate()
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(_AT_ONCE_S / 2)
 
 
 class Supervisor:
@@ -92,9 +113,16 @@ class Supervisor:
     Args:
         parameters: by kind of node, then by name; kinds beside those of the suite run with it.
         ros_args: as on a ROS command line, from `--ros-args` on; for every node.
+        abandon: set to have the processes ended at once.
     """
 
-    def __init__(self, parameters: Mapping[Kind, Mapping[str, Any]], ros_args: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        parameters: Mapping[Kind, Mapping[str, Any]],
+        ros_args: Sequence[str] = (),
+        abandon: threading.Event | None = None,
+    ) -> None:
+        self._abandon = abandon or threading.Event()
         self._parameters = parameters
         self._kinds = in_flow_order(parameters)
         self._ros_args = list(ros_args) or ["--ros-args"]
@@ -108,7 +136,10 @@ class Supervisor:
         nodes = {f"/**/{k}_node": {"ros__parameters": dict(given)} for k, given in self._parameters.items()}
         file.write_text(yaml.safe_dump({k: v for k, v in nodes.items() if v["ros__parameters"]}))
         arguments = [*self._ros_args, "--params-file", str(file)] if any(self._parameters.values()) else self._ros_args
-        self.processes = {kind: NodeProcess(kind, arguments) for kind in self._kinds}
+        read_end, write_end = os.pipe()  # the write end is not inherited: it closes when this process ends
+        self._stack.callback(os.close, read_end)
+        self._stack.callback(os.close, write_end)
+        self.processes = {kind: NodeProcess(kind, arguments, read_end) for kind in self._kinds}
         for kind in reversed(self._kinds):  # subscribers before publishers
             self.processes[kind].start()
         return self
@@ -126,11 +157,13 @@ class Supervisor:
     def __exit__(self, *_: object) -> None:
         with self._stack:
             for kind in self._kinds:  # each has published what it took before the next is stopped
-                self.code |= int(self.processes[kind].stop(DRAIN_S + 10.0) != 0)
+                self.code |= int(self.processes[kind].stop(DRAIN_S + 10.0, self._abandon) != 0)
+        if self._abandon.is_set():
+            print_line("nodes ended at once; what they had in hand is processed when the same bag is continued")
 
 
 def supervise(parameters: Mapping[Kind, Mapping[str, Any]], ros_args: Sequence[str] = ()) -> int:
-    """Run the nodes as processes until SIGINT or SIGTERM: `weld-force up --processes`.
+    """Run the nodes as processes until SIGINT, SIGTERM or SIGHUP: `weld-force up --processes`.
 
     Returns:
         The exit code: 0 if all that was taken was finished, 1 if something was left.
@@ -138,10 +171,10 @@ def supervise(parameters: Mapping[Kind, Mapping[str, Any]], ros_args: Sequence[s
     Raises:
         WeldForceError: a node cannot be started as it is configured.
     """
-    with stop_signals() as (stop, _):
-        supervisor = Supervisor(parameters, ros_args)
+    with stop_signals() as (stop, abandon):
+        supervisor = Supervisor(parameters, ros_args, abandon)
         with supervisor:
             while not stop.wait(_POLL_S):
                 supervisor.restart_dead()
-            print_line("shutting down, each node finishes its queue")
+            print_line("shutting down, each node finishes its queue; a second signal stops at once")
     return supervisor.code

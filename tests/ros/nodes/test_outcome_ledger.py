@@ -75,7 +75,7 @@ def test_recording_tells_what_is_open_settled_and_unfinished(tmp_path: Path) -> 
     noted = []
     ledger = read_ledger(bag, lambda kind, text: noted.append(kind))
     assert ledger.settled_of(IDS) == [done, refused, killed_before_confirming]
-    assert ledger.open_count == 2
+    assert ledger.open_count == 3, "what broke the contract awaits its rejection, too"
     assert list(ledger.waiting_maps) == [mapped]
     assert len(ledger.waiting_maps[mapped]) == 2
     assert [(i, kept.kind) for i, kept in ledger.unfinished.items()] == [(killed_before_confirming, Verdict)]
@@ -108,3 +108,19 @@ def test_old_recording_without_identities_settles_by_weld_and_geometry(tmp_path:
     bag = bag_of(tmp_path / "bag", (WeldProfile, text), (ForceMap, text), (Verdict, text))
     ledger = read_ledger(bag, lambda kind, text: None)
     assert (ledger.settled_count, ledger.open_count) == (1, 0)
+
+
+def test_a_profile_that_comes_after_its_outcome_is_noted_and_not_open() -> None:
+    ledger = Ledger()
+    ledger.settle(IDS[0])
+    assert not ledger.has_profile(IDS[0])
+    ledger.accept(IDS[0], b"")
+    assert ledger.has_profile(IDS[0])
+    assert ledger.open_count == 0
+
+
+def test_the_name_in_a_broken_profile_stays_free_for_the_corrected_one(tmp_path: Path) -> None:
+    bag = bag_of(tmp_path / "bag", (WeldProfile, about(IDS[0], weld_id="w")))
+    ledger = read_ledger(bag, lambda kind, text: None)
+    assert ledger.open_count == 1
+    assert not ledger.has_profile(IDS[0])

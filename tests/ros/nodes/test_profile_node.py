@@ -153,3 +153,22 @@ def test_any_file_that_cannot_be_read_gets_a_line(folder: Path, published: Outco
     with profile_node(folder):
         (rejection,) = published.wait(1)
     assert rejection.source == name
+
+
+def test_a_refused_file_is_another_try_when_it_is_read_by_other_options(folder: Path, published: Outcomes) -> None:
+    file = folder / "heights.txt"
+    file.write_text("\n".join(str(0.05 * (i == 10)) for i in range(21)))
+    stated = {"z_unit": "mm", "z_positive": "up", "spacing": 5.0, "noise": "none"}
+    with profile_node(folder, **stated):
+        (no_unit,) = published.wait(1)
+    with profile_node(folder, **stated):
+        published.wait(2)
+    with profile_node(folder, **stated, x_unit="mm", skip_rows=10):
+        _, _, too_short = published.wait(3)
+    with profile_node(folder, **stated, x_unit="mm"):
+        *_, profile = published.wait(4)
+    same = published.messages[1]
+    assert [type(m) for m in published.messages] == [Rejection, Rejection, Rejection, WeldProfile]
+    assert same.profile_id == no_unit.profile_id
+    assert len({no_unit.profile_id, too_short.profile_id, profile.profile_id}) == 3
+    assert {m.file_version_of for m in published.messages} == {"heights.txt"}

@@ -16,7 +16,7 @@ from msgspec import UNSET
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import PointCloud2, PointField
@@ -295,6 +295,17 @@ def test_drivers_of_either_reliability_are_heard(
     assert listening.trolley.facts()["trolley at m"] == "0.997"
     assert listening.trolley.facts()["rail samples that are no numbers"] == 500
     wait_until(lambda: "bytes for 1 rows" in listening.topics.diagnostics.last_error)
+
+
+def test_json_of_a_driver_with_sensor_data_quality_is_heard(
+    spinning: Callable[..., Any], folder: Path, publisher: Callable[..., Any]
+) -> None:
+    listening = spinning(Listening, folder=str(folder))
+    publish = publisher("rail_surface", profile=qos_profile_sensor_data)
+    for sequence in range(20):
+        publish(peak_map(0.1 * sequence, 0.1 * sequence + 0.099, sequence))
+    wait_until(lambda: listening.topics.diagnostics.received["rail_surface"] == 20)
+    assert listening.topics.diagnostics.gaps() == 0
 
 
 LAYOUTS = st.fixed_dictionaries(

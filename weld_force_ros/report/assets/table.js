@@ -94,7 +94,7 @@ class FrontTable {
     for (const row of rows) {
       this.rows.set(row.n, row);
       this.lines.set(row.n, rowLine(row));
-      if (row.supersedes !== undefined) this.drop(row.supersedes);
+      for (const older of row.supersedes ?? []) this.drop(older);
     }
     this.dropOldest();
     const answered = [...this.rows.values()].filter((row) => row.basis);

@@ -4,7 +4,7 @@
 /** A row of the front table. */
 interface Row {
   n: number;
-  supersedes?: number;
+  supersedes?: number[];
   weld: string;
   decision: string;
   advice: string;

@@ -24,6 +24,7 @@ from weld_force_ros.messages import (
     WeldMarker,
     WeldProfile,
     identity,
+    text_identity,
 )
 from weld_force_ros.ros import qos
 from weld_force_ros.ros.contract_topics import ContractTopics, Incoming
@@ -94,6 +95,7 @@ class AssessmentNode(LifecycleNodeBase):
                 split_s=60 * values["split_minutes"],
                 closing=closing,
                 report_problem=self.topics.report_problem,
+                say=self.get_logger().info,
             )
         )
         self._outcomes = PublishedLedger(
@@ -202,13 +204,12 @@ class AssessmentNode(LifecycleNodeBase):
 
     def _take_profile(self, incoming: Incoming) -> None:
         profile = self.topics.decode_or_report(WeldProfile, incoming)  # the simulator rejects what cannot be read
-        if profile is None:
-            self._record_once(incoming)
-        elif self._ledger.is_settled(identity(profile)):
-            self._outcomes.confirm_again(identity(profile))
-        else:
-            self._record_once(incoming)
-            self._ledger.accept(identity(profile), incoming.serialized.cdr)
+        profile_id = identity(profile) if profile is not None else text_identity(incoming.description, incoming.text)
+        if not self._ledger.has_profile(profile_id):
+            self.recorder.record(incoming.serialized)
+            self._ledger.accept(profile_id, incoming.serialized.cdr)
+        if self._ledger.is_settled(profile_id):
+            self._outcomes.confirm_again(profile_id)
 
     def _take_rejection(self, incoming: Incoming) -> None:
         rejection = self.topics.decode_or_reject(Rejection, incoming, self._after_own_rejection)

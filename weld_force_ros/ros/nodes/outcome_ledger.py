@@ -5,20 +5,23 @@ from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
-from msgspec import UNSET, UnsetType
+from rclpy.serialization import deserialize_message
+from std_msgs.msg import String
 
 from weld_force_ros.errors import BagError
 from weld_force_ros.messages import (
     TOPICS,
     ForceMap,
+    Measured,
     Message,
-    ProfileId,
     ProfileIds,
     Rejection,
     Settled,
     Verdict,
     WeldProfile,
     identity,
+    profile_identity,
+    stated_identity,
 )
 from weld_force_ros.recording import STRING, Recorded, stored
 
@@ -49,6 +52,7 @@ class Ledger:
         self.unfinished: dict[str, RecordedOutcome] = {}
         self.waiting_maps: dict[str, list[bytes]] = {}
         self._settled: set[bytes] = set()
+        self._profiles: set[bytes] = set()
         self._open: dict[str, bytes] = {}
         self._gathered: dict[str, dict[str, ForceMap]] = {}
 
@@ -63,13 +67,22 @@ class Ledger:
         return len(self._settled)
 
     def accept(self, profile_id: str, cdr: bytes) -> None:
-        """Keep a profile until it has its outcome."""
+        """Note that a profile is there, and keep it until it has its outcome."""
+        self._profiles.add(bytes.fromhex(profile_id))
         if not self.is_settled(profile_id):
             self._open[profile_id] = cdr
 
     def is_settled(self, profile_id: str) -> bool:
         """Return whether a measurement has its verdict or rejection."""
         return bytes.fromhex(profile_id) in self._settled
+
+    def has_profile(self, profile_id: str) -> bool:
+        """Return whether a measurement's profile is there; its outcome may come before it."""
+        return bytes.fromhex(profile_id) in self._profiles
+
+    def is_open(self, profile_id: str) -> bool:
+        """Return whether a measurement was accepted and has no outcome."""
+        return profile_id in self._open
 
     def settle(self, profile_id: str) -> None:
         """Note that a measurement has its outcome."""
@@ -89,6 +102,13 @@ class Ledger:
         """Return those of the measurements that have their outcome."""
         return [profile_id for profile_id in profile_ids if self.is_settled(profile_id)]
 
+    def identify_open(self, identity_of: Callable[[bytes], str]) -> None:
+        """Put what is open under the identity that `identity_of` returns of a profile; drop what has its outcome."""
+        entered, self._open = self._open, {}
+        self._profiles -= {bytes.fromhex(profile_id) for profile_id in entered}
+        for cdr in entered.values():
+            self.accept(identity_of(cdr), cdr)
+
     def oldest_open(self) -> list[bytes]:
         """Return the profiles that have waited longest, serialised; the next call returns others first."""
         oldest = list(self._open.items())[:RESEND_BATCH]
@@ -98,11 +118,8 @@ class Ledger:
         return [cdr for _, cdr in oldest]
 
 
-class _Entry(msgspec.Struct):
-    weld_id: str = ""
-    profile_sha256: str = ""
-    profile_id: ProfileId | UnsetType = UNSET
-    profile_ids: ProfileIds = []
+class _Entry(Measured):
+    profile_ids: ProfileIds = msgspec.field(default_factory=list)
     asked_by: str = ""
 
 
@@ -124,10 +141,17 @@ def read_ledger(bag: Path, note: Callable[[type[Message], str], None]) -> Ledger
         try:
             text = recorded.text
             entry = msgspec.json.decode(text, type=_Entry)
-        except (BagError, msgspec.DecodeError):
-            continue  # what cannot be read settles nothing
-        note(kind, text)
-        _enter(ledger, kind, recorded, entry)
+        except BagError:
+            continue
+        except msgspec.DecodeError:
+            entry = None  # what cannot be read settles nothing
+        if entry is not None:
+            note(kind, text)
+        if kind is WeldProfile:
+            ledger.accept(stated_identity(text, ledger.is_open), recorded.data)
+        elif entry is not None:
+            _enter(ledger, kind, recorded, entry)
+    ledger.identify_open(lambda cdr: profile_identity(deserialize_message(cdr, String).data))
     return ledger
 
 
@@ -136,8 +160,6 @@ def _enter(ledger: Ledger, kind: type[Message], recorded: Recorded, entry: _Entr
         for profile_id in entry.profile_ids:
             ledger.settle(profile_id)
             ledger.unfinished.pop(profile_id, None)
-    elif kind is WeldProfile:
-        ledger.accept(identity(entry), recorded.data)
     elif kind is ForceMap and not ledger.is_settled(identity(entry)):
         ledger.waiting_maps.setdefault(identity(entry), []).append(recorded.data)
     elif kind is Verdict or (kind is Rejection and isinstance(entry.profile_id, str)):

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from msgspec import UNSET
 from rclpy.clock import Clock, ClockType
 
@@ -26,6 +27,7 @@ _STATEMENTS = ("format", "noise", "x_unit", "z_unit", "z_positive", "line_speed_
 class ProfileNode(LifecycleNodeBase):
     """Publishes the welds of each file's content once, as WeldProfiles or a Rejection; a changed file is measured anew.
 
+    A file that was refused is read again when the options of reading have changed.
     Files are read in the watcher's thread, which waits while many measurements are without an outcome: the folder is
     the buffer. What is in the folder at the start counts, unless the ledger knows its outcome. Welds of a live trolley
     are written to the folder as files.
@@ -136,13 +138,18 @@ class ProfileNode(LifecycleNodeBase):
             text = content.decode("utf-8", "replace")
             whole = digest if len(content) <= MAX_FILE_BYTES else UNSET
             rejected = self.topics.rejection(
-                name, error, text, source_sha256=whole, profile_id=measurement_id(name, digest)
+                name, error, text, source_sha256=whole, profile_id=measurement_id(name, self._refused(digest))
             )
+            rejected.file_version_of = name[-200:]
             return [rejected]
         for count, weld in enumerate(welds):
             weld.profile_id = measurement_id(name if len(welds) == 1 else f"{name}#{count + 1}", digest)
             weld.file_version_of = name[-200:]
         return [*welds]
+
+    def _refused(self, digest: str) -> str:
+        """Return the identity of a content that was refused as it is read now: read otherwise, it is another try."""
+        return hashlib.sha256(digest.encode() + msgspec.json.encode(self._form)).hexdigest()
 
     def _publish(self, outcome: WeldProfile | Rejection) -> None:
         try:

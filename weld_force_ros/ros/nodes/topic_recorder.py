@@ -24,6 +24,7 @@ class TopicRecorder:
         split_s: age at which a new file of the bag is begun.
         closing: set when waiting for room on the disk is to be given up.
         report_problem: called with what goes wrong.
+        say: called with who is waited for before the recording begins.
 
     Attributes:
         disk_full: what to do about the full disk, while it is full; else None.
@@ -40,8 +41,9 @@ class TopicRecorder:
         split_s: float,
         closing: threading.Event,
         report_problem: Callable[[str], None],
+        say: Callable[[str], None],
     ) -> None:
-        self._recorder = Recorder(bag, split_bytes=split_bytes, split_s=split_s) if bag is not None else None
+        self._recorder = Recorder(bag, split_bytes=split_bytes, split_s=split_s, say=say) if bag is not None else None
         self._closing = closing
         self._report_problem = report_problem
         self._definitions: dict[str, MessageDefinition] = {}

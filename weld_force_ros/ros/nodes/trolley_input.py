@@ -10,10 +10,7 @@ from typing import Any, Self
 import msgspec
 from msgspec import UNSET, UnsetType
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
-from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -21,11 +18,12 @@ from std_srvs.srv import Trigger
 from weld_force_ros.errors import InputError, MessageError
 from weld_force_ros.measurement.live_capture import LiveCapture
 from weld_force_ros.measurement.rail_stream import STEP_M
-from weld_force_ros.messages import MAX_MESSAGE_BYTES, TOPICS, Message, RailSurface, Running, WeldMarker
+from weld_force_ros.messages import MAX_MESSAGE_BYTES, TOPICS, RailSurface, Running, WeldMarker
 from weld_force_ros.ros import point_cloud, qos
 from weld_force_ros.ros.contract_topics import ContractTopics
+from weld_force_ros.ros.foreign_publishers import TolerantSubscription
 from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
-from weld_force_ros.ros.serialized_messages import SerializedMessage, subscribe_raw
+from weld_force_ros.ros.serialized_messages import SerializedMessage
 from weld_force_ros.ros.worker import BackPressureGroup, Worker
 
 CAPTURE_SERVICE = "capture_weld"
@@ -70,10 +68,12 @@ class TrolleyInput:
         )
         self._gate = BackPressureGroup(lambda: self._node.active and self._worker.has_room)
         self._samples = [
-            self._subscribe(RailSurface, lambda serialized: self._worker.put(lambda: self._take_surface(serialized))),
-            self._subscribe_to_points(qos.STREAM),
+            self._subscribe(String, TOPICS[RailSurface].name, self._take_surface),
+            self._subscribe(PointCloud2, point_cloud.TOPIC, self._take_points),
         ]
-        self._marks = self._subscribe(WeldMarker, self._queue_marker)
+        self._marks = TolerantSubscription(
+            node, String, TOPICS[WeldMarker].name, qos.STREAM, self._queue_marker, self._gate
+        )
         self._service = node.create_service(Trigger, CAPTURE_SERVICE, self._capture_weld)
         self._timer = node.create_timer(
             _LOOK_EVERY_S, self._look_for_welds, clock=Clock(clock_type=ClockType.STEADY_TIME)
@@ -86,7 +86,7 @@ class TrolleyInput:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         for subscription in (*self._samples, self._marks):
-            self._node.destroy_subscription(subscription)
+            subscription.destroy()
         self._node.destroy_service(self._service)
         self._node.destroy_timer(self._timer)
         done = threading.Event()
@@ -115,29 +115,17 @@ class TrolleyInput:
             "point clouds refused": self._malformed,
         }
 
-    def _subscribe(self, kind: type[Message], queue: Callable[[SerializedMessage], None]) -> Subscription:
-        return subscribe_raw(
-            self._node, String, TOPICS[kind].name, qos.subscription_qos(TOPICS[kind]), queue, self._gate
+    def _subscribe(
+        self, message_type: type, topic: str, handle: Callable[[SerializedMessage], None]
+    ) -> TolerantSubscription:
+        return TolerantSubscription(
+            self._node,
+            message_type,
+            topic,
+            qos.STREAM,
+            lambda serialized: self._worker.put(lambda: handle(serialized)),
+            self._gate,
         )
-
-    def _subscribe_to_points(self, profile: QoSProfile) -> Subscription:
-        return self._node.create_subscription(
-            PointCloud2,
-            point_cloud.TOPIC,
-            lambda cdr, _: self._worker.put(lambda: self._take_points(cdr)),
-            profile,
-            raw=True,
-            callback_group=self._gate,
-            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=lambda _: self._accept_best_effort()),
-        )
-
-    def _accept_best_effort(self) -> None:
-        """Subscribe once more with best effort: a driver that publishes so sends nothing to reliable subscribers."""
-        if len(self._samples) == 2:
-            self._samples.append(self._subscribe_to_points(qos.BEST_EFFORT))
-            self._node.get_logger().warning(
-                f"a driver publishes {point_cloud.TOPIC} with best effort: what is lost on the way is a gap in the rail"
-            )
 
     def _queue_arrived_samples(self) -> None:
         """Queue the samples that wait in the middleware, as far as there is room.
@@ -145,7 +133,7 @@ class TrolleyInput:
         The executor takes one message of each topic in turn: a mark would overtake them, and count for where the
         trolley was before.
         """
-        for subscription in self._samples:
+        for subscription in [each for samples in self._samples for each in samples.subscriptions]:
             with subscription.handle:
                 while self._worker.has_room and (
                     sample := subscription.handle.take_message(subscription.msg_type, subscription.raw)
@@ -163,10 +151,10 @@ class TrolleyInput:
             self._live.push(surface)
             self._note_position()
 
-    def _take_points(self, cdr: bytes) -> None:
+    def _take_points(self, serialized: SerializedMessage) -> None:
         self._topics.diagnostics.count_received(point_cloud.TOPIC)
         try:
-            cloud = _cloud(cdr)
+            cloud = _cloud(serialized.cdr)
             chainage_m, height_m = point_cloud.samples_of(cloud)
         except MessageError as error:
             self._malformed += 1

@@ -1,0 +1,110 @@
+"""Hold a recording's folder for one process, and tell who holds it.
+
+The operating system keeps the lock, so that it ends with its process, however that ends.
+"""
+
+import fcntl
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import NamedTuple
+
+from weld_force_ros._files import sync_folder
+from weld_force_ros.errors import BagError
+from weld_force_ros.recording.bag_errors import refusal_to_overwrite
+
+LONGEST_WAIT_S = 60.0
+"""How long a process that is stopping is waited for."""
+
+_STOPPING = "weld-stopping"  # up to 15 characters
+_POLL_S = 0.1
+_PROC = Path("/proc")
+
+
+class _Holder(NamedTuple):
+    """A process that holds a lock; `since` when it was started."""
+
+    pid: int
+    since: str
+    stopping: bool
+
+
+@contextmanager
+def shown_as_stopping() -> Iterator[None]:
+    """Name this process so that who wants its recording waits for it (Linux; `ps` shows it, too)."""
+    name = _PROC / "self" / "comm"
+    before = ""
+    with suppress(OSError):
+        before = name.read_text()
+        name.write_text(_STOPPING)
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            name.write_text(before)
+
+
+def lock_folder(directory: Path, say: Callable[[str], None]) -> int:
+    """Make a folder unless it is there, and return a handle that locks it until the process ends, however it ends.
+
+    Args:
+        directory: the folder.
+        say: called with who is waited for, if that process is stopping.
+
+    Raises:
+        BagError: something else has this name, or another process holds it and is not stopping.
+    """
+    if directory.exists() and not directory.is_dir():
+        raise refusal_to_overwrite(directory)
+    if not directory.exists():
+        directory.mkdir(parents=True, exist_ok=True)
+        sync_folder(directory.resolve().parent)
+    handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+    deadline_s, said = time.monotonic() + LONGEST_WAIT_S, False
+    while True:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            holder = _holder(directory)
+            if holder is None or not holder.stopping or time.monotonic() > deadline_s:
+                os.close(handle)
+                raise _held(directory, holder) from None
+            if not said:
+                say(f"{directory}: waiting for process {holder.pid}, which is stopping")
+                said = True
+            time.sleep(_POLL_S)
+        else:
+            return handle
+
+
+def _held(directory: Path, holder: _Holder | None) -> BagError:
+    if holder is None:
+        return BagError(f"{directory} is being recorded to already", "stop that, or choose another name")
+    return BagError(
+        f"{directory} is being recorded to by process {holder.pid}, running since {holder.since}",
+        f"stop it (kill {holder.pid}) and give the same line again, or choose another name",
+    )
+
+
+def _holder(directory: Path) -> _Holder | None:
+    """Return which process holds the folder; None where the operating system does not tell."""
+    inode = str(directory.stat().st_ino)
+    try:
+        # number: kind, obligation, access, process, device:device:inode, range; a process that waits has `->` as kind.
+        locks = [line.split() for line in (_PROC / "locks").read_text().splitlines()]
+        pid = next(int(lock[4]) for lock in locks if lock[1] == "FLOCK" and lock[5].rpartition(":")[2] == inode)
+        comm = (_PROC / str(pid) / "comm").read_text().strip()
+        return _Holder(pid, _started(pid), comm == _STOPPING)
+    except (OSError, ValueError, IndexError, StopIteration):
+        return None
+
+
+def _started(pid: int) -> str:
+    boot_s = next(float(line.split()[1]) for line in (_PROC / "stat").read_text().splitlines() if line[:5] == "btime")
+    # Field 22, counted after the name in parentheses, which may hold anything.
+    ticks = int((_PROC / str(pid) / "stat").read_text().rpartition(")")[2].split()[19])
+    started = datetime.fromtimestamp(boot_s + ticks / os.sysconf("SC_CLK_TCK"), UTC)
+    return started.strftime("%Y-%m-%d %H:%M:%S UTC")
