@@ -213,6 +213,22 @@ def test_the_quality_index_along_a_weld_is_its_inclination_over_the_norm_of_the_
     assert len(shown["index"]) < 200
 
 
+def test_what_the_wheel_bridges_is_drawn():
+    base = ground()
+    x = np.linspace(-0.1, 0.1, 401)
+    z = np.where(np.abs(x) < 0.02, -4e-4, 0.0)  # a slot of 40 mm: a wheel of 0.45 m comes down by 0.44 mm at most
+    slot = replace(base.profile, x_m=x.tolist(), z_m=z.tolist())
+    shown = content(replace_record(base, profile=slot))["profile"]
+    deepest = np.array(shown["underside_m"])
+    sagitta = base.settings.wheel_radius_m - np.sqrt(base.settings.wheel_radius_m**2 - 0.02**2)
+    assert deepest.min() == pytest.approx(-min(4e-4, sagitta), rel=0.03)
+    assert 0.01 < shown["bridged_m"] < 0.045
+    assert np.all(deepest >= np.array(shown["z_m"]) - 1e-7)
+    follows = replace_record(base, profile=slot, settings=replace(base.settings, rolling="none"))
+    assert not {"underside_m", "bridged_m"} & content(follows)["profile"].keys()
+    assert "follows the rail as it stands" in dict(content(follows)["provenance"])["wheel"]
+
+
 def test_details_hold_what_a_section_shows():
     found = content(ground())
     assert {"verdict", "map", "curves", "history", "profile", "grinding", "provenance"} <= found.keys()

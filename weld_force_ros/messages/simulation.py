@@ -102,6 +102,21 @@ class SimulationSettings(Message, kw_only=True):
     uncertainty: Uncertainty | UnsetType = UNSET
     running: Running | UnsetType = UNSET
     support: Annotated[list[SupportState], Meta(max_length=18)] | UnsetType = UNSET
+    rolling: (
+        Annotated[
+            Literal["none"],
+            Meta(
+                extra_json_schema={"type": "string"},
+                description="none: the contact follows the rail as it stands; if unset, the wheel rolls over it",
+            ),
+        ]
+        | UnsetType
+    ) = UNSET
+
+    @property
+    def rolling_radius_m(self) -> float:
+        """Radius of the circle that rolls over the rail; 0 where none does."""
+        return self.wheel_radius_m if isinstance(self.rolling, UnsetType) else 0.0
 
     @property
     def patch_half_length_m(self) -> float:

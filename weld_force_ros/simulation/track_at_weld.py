@@ -63,7 +63,7 @@ class TracksAtWelds:
     ) -> None:
         self._definition, self._settings, self._threads, self._on_fit = definition, settings, threads, on_fit
         self._wheel = Wheel(
-            settings.wheel_mass_kg, settings.static_load_n, settings.wheel_radius_m, settings.hertz_n_per_m15
+            settings.wheel_mass_kg, settings.static_load_n, settings.rolling_radius_m, settings.hertz_n_per_m15
         )
         self.usual = self._made((), sampled=True)
         self._differing = lru_cache(_MOST_REMEMBERED)(self._made)
