@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from weld_force_ros.assessment.criteria import FORCE_CRITERIA, gradient_norm_rad, sentence_in_words
 from weld_force_ros.assessment.grinding_spots import ends_in_words, side_in_words
-from weld_force_ros.assessment.hanging import support_sentences
+from weld_force_ros.assessment.hanging import sleeper_share_sentences, support_sentences
 from weld_force_ros.assessment.judge import told_apart
 from weld_force_ros.assessment.limits import decides, levels, ratio, within_limits
 from weld_force_ros.assessment.rule_books import limits_by_book, verified_of
@@ -84,7 +84,8 @@ def _weld(weld: WeldRecord) -> dict[str, Any]:
         "history": weld.history and _history(weld.history),
         "profile": weld.profile and _profile(weld.profile, weld.settings) | _quality_index(weld.profile, weld),
         "grinding": weld.grinding and _grinding(weld.grinding),
-        "support": weld.force_map and support_sentences(weld.verdict, weld.force_map.support),
+        "support": weld.force_map
+        and [*support_sentences(weld.verdict, weld.force_map.support), *sleeper_share_sentences(weld.force_map)],
         "provenance": _provenance(weld),
     }
     return {name: value for name, value in content.items() if value}
