@@ -31,7 +31,7 @@ from weld_force_ros.assessment.judge import assess
 from weld_force_ros.cli.main import main
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement.profile_file import find, read_profile
-from weld_force_ros.messages import encode
+from weld_force_ros.messages import UncertaintyResult, encode
 from weld_force_ros.recording import weld_records
 from weld_force_ros.recording.recording import Recording, open_recording
 from weld_force_ros.recording.weld_records import Record, WeldRecord
@@ -211,6 +211,37 @@ def test_the_quality_index_along_a_weld_is_its_inclination_over_the_norm_of_the_
     worst_m = shown["index_from_m"] + shown["index_step_m"] * int(np.argmax(shown["index"]))
     assert worst_m == pytest.approx(at[index.argmax()] + 0.0125, abs=6e-3)
     assert len(shown["index"]) < 200
+
+
+def test_the_share_of_what_differs_from_sleeper_to_sleeper_is_said():
+    base = ground()
+    effect = np.linspace(0.97, 1.03, 40)
+    spread = UncertaintyResult(
+        positions_m=[0.0], peak_force_n=(150e3 * effect).tolist(), min_force_n=[0.0] * 40, contact_loss_s=[0.0] * 40,
+        gradient_rad=[0.0] * 40, straightedge_m=[0.0] * 40, support_factor=[1.0] * 40, hertz_factor=[1.0] * 40,
+        wheel_radius_m=[0.45] * 40, sleeper_effect=effect.tolist(),
+    )  # fmt: skip
+    said = content(replace_record(base, force_map=replace(base.force_map, spread=spread)))["support"]
+    share = int(said[-1].partition(": ")[2].partition("%")[0])
+    assert 95 <= share <= 100  # groups of five leave some of it within
+    assert "% of the peak force's variance" in said[-1]
+    assert len(content(base)["support"]) == len(said) - 1
+
+
+def test_what_the_wheel_bridges_is_drawn():
+    base = ground()
+    x = np.linspace(-0.1, 0.1, 401)
+    z = np.where(np.abs(x) < 0.02, -4e-4, 0.0)  # a slot of 40 mm: a wheel of 0.45 m comes down by 0.44 mm at most
+    slot = replace(base.profile, x_m=x.tolist(), z_m=z.tolist())
+    shown = content(replace_record(base, profile=slot))["profile"]
+    deepest = np.array(shown["underside_m"])
+    sagitta = base.settings.wheel_radius_m - np.sqrt(base.settings.wheel_radius_m**2 - 0.02**2)
+    assert deepest.min() == pytest.approx(-min(4e-4, sagitta), rel=0.03)
+    assert 0.01 < shown["bridged_m"] < 0.045
+    assert np.all(deepest >= np.array(shown["z_m"]) - 1e-7)
+    follows = replace_record(base, profile=slot, settings=replace(base.settings, rolling="none"))
+    assert not {"underside_m", "bridged_m"} & content(follows)["profile"].keys()
+    assert "follows the rail as it stands" in dict(content(follows)["provenance"])["wheel"]
 
 
 def test_details_hold_what_a_section_shows():

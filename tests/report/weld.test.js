@@ -2,7 +2,7 @@ const assert = require("node:assert/strict");
 const test = require("node:test");
 const {load} = require("./page_scripts.js");
 
-const names = ["answerPart", "beyondUpTo", "changeWords", "curveWords", "grindingPart", "marginWords", "restrictionTable", "riskWords", "restrictionWords", "sentence", "stretches", "untilWords", "whatToDo", "why"];
+const names = ["answerPart", "beyondUpTo", "changeWords", "curveWords", "geometryPart", "grindingPart", "marginWords", "restrictionTable", "riskWords", "restrictionWords", "sentence", "stretches", "untilWords", "whatToDo", "why"];
 const page = load(["words.js", "source.js", "table.js", "charts.js", "weld.js"], names);
 
 const criterion = (more) => ({name: "peak_force", value: 210e3, limit: 200e3, unit: "N", passed: false, verified: true, ratio: 1.05, ...more});
@@ -113,4 +113,11 @@ test("neighbouring positions of one decision become one stretch that ends at the
   const outcomes = [[0, "accept"], [0.2, "grind"], [0.4, "grind"]].map(([position_m, decision]) => ({position_m, decision}));
   const found = page.stretches(outcomes, 0.6).map(([decision, from, to]) => [decision, from.toFixed(2), to.toFixed(2)]);
   assert.deepEqual(found, [["accept", "0.00", "0.10"], ["grind", "0.10", "0.50"], ["accept", "0.50", "0.60"]]);
+});
+
+test("how much of the rail the wheel bridges is said below its picture", () => {
+  const profile = {x_m: [0, 1], z_m: [0, 0]};
+  const words = (more) => page.geometryPart({...profile, ...more}, undefined, true, () => undefined).textContent;
+  assert.ok(words({bridged_m: 0.0124}).includes("12.4 mm of the rail that the wheel bridges"), words({bridged_m: 0.0124}));
+  assert.ok(!words({}).includes("bridges"));
 });

@@ -171,6 +171,36 @@ def test_samples_where_they_can_be_the_worst_agree_with_every_speed_and_position
         np.testing.assert_allclose(ends, expected, atol=(0.03 if name == "contact_loss_s" else 0.01) * scale)
 
 
+def test_samples_of_a_wheel_that_does_not_roll_follow_the_rail_as_it_stands():
+    """Few and every passage against brute force, over a flat whose bottom no circle of 0.45 m reaches."""
+    spread_none = {"design": "quasi-random", "support_spread": 0.0, "hertz_spread": 0.0}
+    known = msgspec.structs.replace(shipped_profile("cosine-dip-48mm"), noise=UNSET)
+    x, z = np.array(known.x_m), 8 * np.array(known.z_m)
+    sharp = msgspec.structs.replace(known, z_m=z.tolist(), profile_sha256=profile_sha256(x.tolist(), z.tolist()))
+    found = {}
+    for design in ("quasi-random", UNSET):
+        unknown = msgspec.structs.replace(load_uncertainty(4), **{**spread_none, "design": design})
+        chosen = simulation_settings(
+            track="bilbao-viscous", speeds_kmh=MANY_SPEEDS, positions=POSITIONS, uncertainty=unknown,
+            contact_patch="off", rolling="none", running="with",
+        )  # fmt: skip
+        force_map = Simulator(chosen).force_map(sharp)
+        found[design] = np.array(force_map.spread.peak_force_n).reshape(4, 3)
+        draws, definition = draw(unknown), track_file.load("bilbao-viscous")
+        model = VehicleTrackModel(fit_store.fitted(definition).model(), definition.wheel)
+        exact = [
+            model.peak_map(wheel_path_over(x, noisy(x, z, unknown, int(seed)), 0.0), MANY_SPEEDS, POSITIONS)
+            .peak_force_n.max(axis=0)
+            for seed in draws.noise_seed
+        ]  # fmt: skip
+        np.testing.assert_allclose(found[design], exact, rtol=0.01)
+        assert np.ptp(force_map.spread.wheel_radius_m) > 0.01  # drawn, to no effect
+    rolled = simulation_settings(
+        track="bilbao-viscous", speeds_kmh=MANY_SPEEDS, positions=POSITIONS, contact_patch="off"
+    )
+    assert max(force_map.peak_force_n) > 1.05 * max(Simulator(rolled).force_map(sharp).peak_force_n)
+
+
 def brute_force(unknown: Uncertainty, known: WeldProfile) -> Passages:
     """Return the worst over all speeds of every sample, each on its own track."""
     draws, definition, worst = draw(unknown), track_file.load("bilbao-viscous"), []

@@ -16,7 +16,17 @@ from scipy.special import ndtr
 
 from weld_force_ros.assessment.criteria import AT_REST, GEOMETRY_CRITERIA
 from weld_force_ros.assessment.limits import Levels, decides, ratio
-from weld_force_ros.assessment.probability import CONTACT, HANGING, PLACE, RADIUS, REST, SUPPORT, WIDENED, influences
+from weld_force_ros.assessment.probability import (
+    CONTACT,
+    HANGING,
+    PLACE,
+    RADIUS,
+    REST,
+    SLEEPERS,
+    SUPPORT,
+    WIDENED,
+    influences,
+)
 from weld_force_ros.messages import (
     Answer,
     AnswerDecision,
@@ -34,6 +44,7 @@ _MEASUREMENTS = {
     PLACE: "measure the weld's distance from the sleeper before it",
     REST: "measure the weld once more",
     SUPPORT: "look at the sleepers beside the weld: whether they are supported, and the state of their pads",
+    SLEEPERS: "look at the ballast of the sleepers beside the weld: whether one carries more than the others",
     HANGING: "look whether the sleepers beside the weld hang",
     CONTACT: "measure the rail head's cross profile at the weld",
     RADIUS: "state the vehicles and their wheels",

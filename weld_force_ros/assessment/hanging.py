@@ -7,16 +7,20 @@ sleeper before it hanging, and with those on both sides: their ballast is left w
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
+import numpy as np
 from msgspec import UNSET, UnsetType
 from msgspec.structs import replace as changed
 
 from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.probability import SLEEPERS, influences
 from weld_force_ros.messages import (
     HANGING_SHARE,
     AssessmentSettings,
+    ForceMap,
     HangingOutcome,
     SimulationSettings,
     SupportState,
+    UncertaintyResult,
     Verdict,
     WeldProfile,
     config_sha256,
@@ -90,6 +94,18 @@ def support_sentences(verdict: Verdict, stated: Sequence[SupportState] | UnsetTy
     if not isinstance(stated, UnsetType):
         return [f"Simulated with {support_in_words(stated)}; sleeper 0 is the last before the weld"]
     return hanging_in_words(verdict) or [UNKNOWN]
+
+
+def sleeper_share_sentences(force_map: ForceMap) -> list[str]:
+    """Return how much of the peak force's variance comes from sleeper to sleeper; nothing where that was not drawn."""
+    spread = force_map.spread
+    if not isinstance(spread, UncertaintyResult) or isinstance(spread.sleeper_effect, UnsetType):
+        return []
+    peaks = np.array(spread.peak_force_n).reshape(len(spread.sleeper_effect), -1)
+    share = influences(peaks, spread).get(SLEEPERS, 0.0)
+    return [
+        f"What lies beneath each sleeper differs by itself in the samples: {share:.0%} of the peak force's variance"
+    ]
 
 
 def hanging_in_words(verdict: Verdict) -> list[str]:

@@ -3,13 +3,12 @@
 from collections.abc import Mapping
 
 import numpy as np
-from msgspec import UnsetType
 
-from weld_force_ros.messages import UncertaintyResult
+from weld_force_ros.messages import UncertaintyResult, known
 from weld_force_ros.physics.arrays import FloatArray
 
 PLACE, REST = "position in the sleeper span", "measurement noise"
-HANGING = "hanging sleepers"
+HANGING, SLEEPERS = "hanging sleepers", "stiffness from sleeper to sleeper"
 SUPPORT, CONTACT, RADIUS = "support stiffness", "contact stiffness", "wheel radius"
 WIDENED = 1.2
 _GROUPS = 8  # of a continuous quantity, whose means are compared
@@ -54,8 +53,10 @@ def influences(values: FloatArray, spread: UncertaintyResult) -> Mapping[str, fl
                 (SUPPORT, spread.support_factor),
                 (CONTACT, spread.hertz_factor),
                 (RADIUS, spread.wheel_radius_m),
-                *([] if isinstance(spread.hanging, UnsetType) else [(HANGING, spread.hanging)]),
+                (HANGING, known(spread.hanging)),
+                (SLEEPERS, known(spread.sleeper_effect)),
             )
+            if inputs is not None
         },
     }
     return {**shares, REST: max(0.0, 1.0 - sum(shares.values()))}

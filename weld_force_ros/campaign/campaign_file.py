@@ -79,6 +79,7 @@ class _CampaignFile(msgspec.Struct, forbid_unknown_fields=True):
     engine: str = "common-poles"
     crown_radius_m: float | None = None
     contact_patch: str = "on"
+    rolling: str = "circle"
     running: str = DEFAULT_RUNNING
     support: str = ""
     limits: str | None = None
@@ -181,6 +182,7 @@ def _settings(track: str, vehicle: _Vehicle, file: _CampaignFile, folder: Path) 
         hertz_n_per_m15=vehicle.hertz_n_per_m15,
         crown_radius_m=file.crown_radius_m if vehicle.hertz_n_per_m15 is None else None,
         contact_patch=file.contact_patch,
+        rolling=file.rolling,
         running=file.running,
         support=file.support,
     )

@@ -73,6 +73,13 @@ class SimulationOptions:
         typer.Option(metavar="on|off", help="Average the rail's heights over the contact patch; default: on."),
     ] = None
 
+    rolling: Annotated[
+        str | None,
+        typer.Option(
+            metavar="circle|none",
+            help="Whether the wheel's circle rolls over the rail and bridges it; default: circle.",
+        ),
+    ] = None
     running: Annotated[
         str | None,
         typer.Option(

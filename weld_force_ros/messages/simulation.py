@@ -71,6 +71,17 @@ class Uncertainty(msgspec.Struct, kw_only=True, frozen=True):
         Annotated[float, Meta(description="share of sleepers that hang, of the two beside each weld", gt=0.0, lt=1.0)]
         | UnsetType
     ) = UNSET
+    sleeper_spread: (
+        Annotated[
+            float,
+            Meta(
+                description="standard deviation of ln(stiffness and damping beneath a sleeper) from sleeper to sleeper",
+                gt=0.0,
+                le=1.0,
+            ),
+        ]
+        | UnsetType
+    ) = UNSET
 
 
 class SimulationSettings(Message, kw_only=True):
@@ -102,6 +113,21 @@ class SimulationSettings(Message, kw_only=True):
     uncertainty: Uncertainty | UnsetType = UNSET
     running: Running | UnsetType = UNSET
     support: Annotated[list[SupportState], Meta(max_length=18)] | UnsetType = UNSET
+    rolling: (
+        Annotated[
+            Literal["none"],
+            Meta(
+                extra_json_schema={"type": "string"},
+                description="none: the contact follows the rail as it stands; if unset, the wheel rolls over it",
+            ),
+        ]
+        | UnsetType
+    ) = UNSET
+
+    @property
+    def rolling_radius_m(self) -> float:
+        """Radius of the circle that rolls over the rail; 0 where none does."""
+        return self.wheel_radius_m if isinstance(self.rolling, UnsetType) else 0.0
 
     @property
     def patch_half_length_m(self) -> float:
@@ -175,6 +201,16 @@ class UncertaintyResult(msgspec.Struct, kw_only=True):
         Annotated[
             list[Annotated[int, Meta(ge=0, le=3)]],
             Meta(description="sleepers that hang: 1 for the one before the weld, plus 2 for the next"),
+        ]
+        | UnsetType
+    ) = UNSET
+    sleeper_effect: (
+        Annotated[
+            list[Annotated[float, Meta(gt=0.0)]],
+            Meta(
+                max_length=MAX_SAMPLED,
+                description="factor on the peak force, mean over positions, by what differs from sleeper to sleeper",
+            ),
         ]
         | UnsetType
     ) = UNSET
@@ -285,7 +321,7 @@ class ForceMap(Message, kw_only=True):
             return None
         samples = (
             "gradient_rad", "straightedge_m", "support_factor", "hertz_factor", "wheel_radius_m", "inclination_rad",
-            "step_m", "hanging",
+            "step_m", "hanging", "sleeper_effect",
         )  # fmt: skip
         others = (*samples, "positions_m", "edge_base_m", "edge_peak_m", "edge_dip_m")
         cells = [name for name in self.spread.__struct_fields__ if name not in others]

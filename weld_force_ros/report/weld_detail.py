@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from weld_force_ros.assessment.criteria import FORCE_CRITERIA, gradient_norm_rad, sentence_in_words
 from weld_force_ros.assessment.grinding_spots import ends_in_words, side_in_words
-from weld_force_ros.assessment.hanging import support_sentences
+from weld_force_ros.assessment.hanging import sleeper_share_sentences, support_sentences
 from weld_force_ros.assessment.judge import told_apart
 from weld_force_ros.assessment.limits import decides, levels, ratio, within_limits
 from weld_force_ros.assessment.rule_books import limits_by_book, verified_of
@@ -33,7 +33,7 @@ from weld_force_ros.messages import (
 from weld_force_ros.physics.analysis.geometry import inclinations
 from weld_force_ros.physics.analysis.speed_curve import surface_features
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.wheel_path import wheel_path_over
+from weld_force_ros.physics.passage.wheel_path import underside, wheel_path_over
 from weld_force_ros.recording.weld_records import Record, WeldRecord
 from weld_force_ros.report.numbers import decimals, short, significant, thinned, without_none
 from weld_force_ros.report.table_row import NOT_ASSESSED, basis, measure_next, what_to_measure
@@ -50,6 +50,7 @@ from weld_force_ros.simulation.running import direction_in_words
 MOST_POINTS = 400
 _LONGEST_RAW_TEXT = 4_000
 _INDICES_TOGETHER = 10  # of every 0.5 mm
+_SEEN_M = 1e-6  # of height, below which a bridged dip is none
 _NINETY_PERCENT = 1.645  # standard deviations on either side
 _HEADER = ("schema_version", "publisher", "sequence", "stamp")
 
@@ -83,7 +84,8 @@ def _weld(weld: WeldRecord) -> dict[str, Any]:
         "history": weld.history and _history(weld.history),
         "profile": weld.profile and _profile(weld.profile, weld.settings) | _quality_index(weld.profile, weld),
         "grinding": weld.grinding and _grinding(weld.grinding),
-        "support": weld.force_map and support_sentences(weld.verdict, weld.force_map.support),
+        "support": weld.force_map
+        and [*support_sentences(weld.verdict, weld.force_map.support), *sleeper_share_sentences(weld.force_map)],
         "provenance": _provenance(weld),
     }
     return {name: value for name, value in content.items() if value}
@@ -240,13 +242,26 @@ def _profile(profile: WeldProfile, settings: SimulationSettings | None) -> dict[
     if settings is not None:
         wheel_x = np.linspace(x[0], x[-1], MOST_POINTS // 2)
         content["wheel_x_m"] = decimals(wheel_x, 5)
-        path = wheel_path_over(x, z, settings.wheel_radius_m, settings.patch_half_length_m)
+        path = wheel_path_over(x, z, settings.rolling_radius_m, settings.patch_half_length_m)
         content["wheel_m"] = decimals(path.at(wheel_x), 7)
+        content |= _bridged(x, z, settings.rolling_radius_m, drawn)
     if (deviation := standard_deviation(profile)) is not None:
         beyond = _NINETY_PERCENT * deviation[drawn]
         content |= {"low_m": decimals(z[drawn] - beyond, 7), "high_m": decimals(z[drawn] + beyond, 7)}
         content |= _measured(profile)
     return content
+
+
+def _bridged(x_m: FloatArray, z_m: FloatArray, radius_m: float, drawn: NDArray[np.intp]) -> dict[str, Any]:
+    """Return how deep the wheel reaches over a rail that it bridges, and how much of it; nothing where it does not."""
+    deepest = underside(x_m, z_m, radius_m)
+    unseen = deepest > z_m + _SEEN_M
+    if not np.any(unseen):
+        return {}
+    return {
+        "underside_m": decimals(deepest[drawn], 7),
+        "bridged_m": significant(float(np.sum(np.gradient(x_m)[unseen]))),
+    }
 
 
 def _quality_index(profile: WeldProfile, weld: WeldRecord) -> dict[str, Any]:
@@ -359,6 +374,7 @@ def _wheel(settings: SimulationSettings) -> str:
     return (
         f"{settings.wheel_mass_kg:g} kg, static load {settings.static_load_n / 1e3:g} kN, radius "
         f"{settings.wheel_radius_m:g} m, Hertz constant {settings.hertz_n_per_m15:.3g} N/m^1.5"
+        f"{'' if settings.rolling is UNSET else '; its circle does not roll, it follows the rail as it stands'}"
     )
 
 

@@ -111,6 +111,9 @@ PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
         ),
         NodeParameter("contact_patch", "on", "average the rail's heights over the contact patch: on or off"),
         NodeParameter(
+            "rolling", "circle", "whether the wheel's circle rolls over the rail and bridges it: circle or none"
+        ),
+        NodeParameter(
             "running", "both", "how trains run over welds that do not state it: with (rising x), against or both"
         ),
         NodeParameter(
@@ -257,6 +260,7 @@ def settings_from_parameters(values: Mapping[str, Any]) -> list[SimulationSettin
             given["uncertainty_samples"], Path(given["uncertainty"]).expanduser() if given["uncertainty"] else None
         ),
         "contact_patch": given["contact_patch"],
+        "rolling": given["rolling"],
         "running": given["running"],
         "support": given["support"],
         **{name: given[name] or None for name in wheel},

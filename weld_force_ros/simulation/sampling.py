@@ -60,6 +60,7 @@ class Sampler:
         self._patch_m = patch_m
         self._threads = threads
         self._draws = draw(unknown)
+        self._rolling_m = self._draws.wheel_radius_m if wheel.radius_m else np.zeros(unknown.samples)
         few = unknown.design == "quasi-random" and USE_SIMD
         factors = support_levels(unknown) if few else np.unique(self._draws.support_factor)
         self._models: dict[float, StateModel] = {
@@ -68,9 +69,8 @@ class Sampler:
         self._few: dict[bool, FewPassages] = {}
         if few:
             for lost in (False, True):
-                self._few[lost] = FewPassages(
-                    self._models, wheel, unknown, self._draws, threads, patch_m, contact_lost=lost
-                )
+                rolled = replace(self._draws, wheel_radius_m=self._rolling_m)
+                self._few[lost] = FewPassages(self._models, wheel, unknown, rolled, threads, patch_m, contact_lost=lost)
 
     def geometries(self, profile: WeldProfile) -> FloatArray:
         """Return what a weld's measurement allows, (n_sample, n); with noise where nothing is known of it."""
@@ -135,7 +135,7 @@ class Sampler:
                 threads=self._threads,
             )
             wheel_paths = [
-                run.path(wheel_path_over(x_m, profiles[i], draws.wheel_radius_m[i], self._patch_m)) for i in samples
+                run.path(wheel_path_over(x_m, profiles[i], self._rolling_m[i], self._patch_m)) for i in samples
             ]
             # The first on all threads: it makes the tables that the others use, a thread each.
             first = vehicle_track.peak_map(wheel_paths[0], speeds_kmh, met_m, low_passed=True, tolerance=TOLERANCE)

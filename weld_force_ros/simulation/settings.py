@@ -33,6 +33,7 @@ DEFAULT_SPEEDS = "20:300:5"
 DEFAULT_POSITIONS = "15"
 DEFAULT_UNCERTAINTY_SAMPLES = 32
 DEFAULT_RUNNING = "both"
+ROLLINGS = ("circle", "none")
 ENGINES: tuple[str, ...] = get_args(get_args(Engine)[0])
 RUNNINGS: tuple[str, ...] = get_args(get_args(Running)[0])
 
@@ -107,6 +108,7 @@ def simulation_settings(
     hertz_n_per_m15: float | None = None,
     crown_radius_m: float | None = None,
     contact_patch: str = "on",
+    rolling: str = "circle",
     running: str = DEFAULT_RUNNING,
     support: str = "",
     uncertainty: Uncertainty | None = None,
@@ -125,6 +127,7 @@ def simulation_settings(
         hertz_n_per_m15: Hertz constant.
         crown_radius_m: transverse radius of the rail head, from which and the wheel's radii the Hertz constant follows.
         contact_patch: `on`: the rail's heights are averaged over the patch that Hertz' theory gives; `off`: not.
+        rolling: `circle`: the wheel's circle rolls over the rail and bridges what is sharper; `none`: it does not.
         running: how trains run over welds that do not state it: `with` rising x, `against` it, or `both`.
         support: supports that differ from the track's at welds that do not state them, such as `0=0.02,1=0.5`.
         uncertainty: what is drawn for verdicts with probabilities; none if not given.
@@ -146,6 +149,8 @@ def simulation_settings(
     wheel, radii = _contact(definition, chosen, stated_wheel, hertz_n_per_m15, crown_radius_m)
     if contact_patch not in ("on", "off"):
         raise InputError(f"contact_patch {contact_patch!r} is unknown", "use on or off")
+    if rolling not in ROLLINGS:
+        raise InputError(f"rolling {rolling!r} is unknown", f"use {', '.join(ROLLINGS)}")
     if running not in RUNNINGS:
         raise InputError(f"running {running!r} is unknown", f"use {', '.join(RUNNINGS)}")
     spacing = definition.track.spacing_m
@@ -163,6 +168,7 @@ def simulation_settings(
         wheel_radius_m=wheel.radius_m,
         hertz_n_per_m15=wheel.hertz_n_per_m15,
         contact_patch_m=round(radii.half_length_m(wheel.static_load_n), 6) if contact_patch == "on" else UNSET,
+        rolling="none" if rolling == "none" else UNSET,
         running=cast(Running, running),
         support=parse_support(support) or UNSET,
         uncertainty=uncertainty or UNSET,

@@ -23,7 +23,7 @@ from weld_force_ros.physics.engines.greens_function import GreensFunctionModel
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
-from weld_force_ros.simulation import hanging_samples, track_file
+from weld_force_ros.simulation import hanging_samples, sleeper_samples, track_file
 from weld_force_ros.simulation.force_map_view import (
     Passages,
     RelevantMap,
@@ -194,10 +194,22 @@ class Simulator:
             relevant, draw = relevant_range(force_map), track.sampler.geometries
             geometries = drawn_alike(profile, draw) if len(runs) > 1 else draw(profile)
             spread = track.sampler.result(np.array(profile.x_m), np.array(profile.z_m), relevant, geometries)
-            may_hang = track is self.tracks.usual and isinstance(track.sampler.unknown.hanging_share, float)
-            force_map.spread = self._hung(spread, track.sampler.unknown, relevant, wheel_path) if may_hang else spread
+            force_map.spread = spread
+            if track is self.tracks.usual:  # what is stated of single sleepers is known
+                force_map.spread = self._of_single_sleepers(spread, track.sampler.unknown, relevant, wheel_path)
         force_map.elapsed_s = time.perf_counter() - began_s
         return force_map
+
+    def _of_single_sleepers(
+        self, spread: UncertaintyResult, unknown: Uncertainty, relevant: RelevantMap, wheel_path: WheelPath
+    ) -> UncertaintyResult:
+        """Return samples in which single sleepers differ and hang, where that is asked for."""
+        if isinstance(unknown.sleeper_spread, float):
+            sensitivities = self.tracks.sleepers.of(wheel_path, relevant)
+            spread = sleeper_samples.scattered(spread, sleeper_samples.drawn(unknown), sensitivities)
+        if isinstance(unknown.hanging_share, float):
+            spread = self._hung(spread, unknown, relevant, wheel_path)
+        return spread
 
     def _hung(
         self, spread: UncertaintyResult, unknown: Uncertainty, relevant: RelevantMap, wheel_path: WheelPath

@@ -18,6 +18,7 @@ from weld_force_ros.physics.track.local_support import LocalSupports, SupportCha
 from weld_force_ros.physics.track.support import Spring
 from weld_force_ros.simulation import fit_store
 from weld_force_ros.simulation.sampling import Sampler
+from weld_force_ros.simulation.sleeper_samples import SleeperSensitivities
 from weld_force_ros.simulation.track_file import TrackDefinition
 
 _MOST_REMEMBERED = 8  # tracks whose supports differ
@@ -63,7 +64,7 @@ class TracksAtWelds:
     ) -> None:
         self._definition, self._settings, self._threads, self._on_fit = definition, settings, threads, on_fit
         self._wheel = Wheel(
-            settings.wheel_mass_kg, settings.static_load_n, settings.wheel_radius_m, settings.hertz_n_per_m15
+            settings.wheel_mass_kg, settings.static_load_n, settings.rolling_radius_m, settings.hertz_n_per_m15
         )
         self.usual = self._made((), sampled=True)
         self._differing = lru_cache(_MOST_REMEMBERED)(self._made)
@@ -81,6 +82,11 @@ class TracksAtWelds:
     def supported(self, states: tuple[SupportState, ...]) -> TrackAtWeld:
         """Return the track with some supports, without samples; see `at`."""
         return self._differing(states, sampled=False)
+
+    @cached_property
+    def sleepers(self) -> SleeperSensitivities:
+        """How forces change with what lies beneath single sleepers."""
+        return SleeperSensitivities(self._definition, self._wheel, on_fit=self._on_fit, threads=self._threads)
 
     def _made(self, states: tuple[SupportState, ...], *, sampled: bool) -> TrackAtWeld:
         definition, settings, wheel, threads = self._definition, self._settings, self._wheel, self._threads

@@ -45,7 +45,7 @@ def draw(unknown: Uncertainty) -> Draws:
         return np.asarray((generator.permutation(count) + generator.random(count)) / count)
 
     def levels(deviation: float, level_count: int) -> FloatArray:
-        return np.asarray(np.exp(deviation * _standard_levels(level_count)[(evenly() * level_count).astype(np.int64)]))
+        return np.asarray(np.exp(deviation * standard_levels(level_count)[(evenly() * level_count).astype(np.int64)]))
 
     return Draws(
         levels(unknown.support_spread, SUPPORT_LEVELS),
@@ -94,7 +94,7 @@ def noisy(x_m: FloatArray, z_m: FloatArray, unknown: Uncertainty, seed: int) -> 
     return np.asarray(z_m + noise - level)
 
 
-def _standard_levels(count: int) -> FloatArray:
+def standard_levels(count: int) -> FloatArray:
     """Return levels of equal probability with mean 0 and variance 1: medians of parts of the normal distribution."""
     if count == 1:
         return np.zeros(1)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.interpolate import PchipInterpolator
 
 from tests.harness.oracles import brute_force_trajectory
 from weld_force_ros.measurement.shapes import cosine_dip
@@ -13,6 +14,7 @@ from weld_force_ros.physics.passage.wheel_path import (
     WheelPathRoller,
     averaged_over_patch,
     dilated_by_wheel,
+    underside,
     wheel_path_over,
 )
 
@@ -145,6 +147,45 @@ def test_patch_keeps_level_and_slope_and_can_be_switched_off(dip: Callable[..., 
     averaged = wheel_path_over(x, z, RADIUS_M, 6.5e-3)
     assert 0.93 * 1e-4 < -averaged.height_m.min() < 0.99 * 1e-4
     assert averaged.height_m[[0, -1]].tolist() == [0.0, 0.0]
+
+
+def test_a_wheel_bridges_a_slot_down_to_its_sagitta() -> None:
+    x = np.arange(-0.1, 0.1001, 0.25e-3)
+    z = np.where(np.abs(x) < 0.02 - 1e-9, -1e-3, 0.0)
+    deepest = underside(x, z, RADIUS_M)
+    arc = np.sqrt(RADIUS_M**2 - 0.02**2) - np.sqrt(RADIUS_M**2 - x**2)  # of the wheel on both edges, 40 mm apart
+    inside = np.abs(x) < 0.019
+    np.testing.assert_allclose(deepest[inside], arc[inside], atol=1.2e-5)  # edges lie within a step of 0.25 mm
+    assert np.array_equal(deepest[np.abs(x) > 0.021], z[np.abs(x) > 0.021])
+
+
+@given(st.lists(st.floats(-3e-4, 3e-4), min_size=6, max_size=6), st.floats(0.1, 0.6))
+def test_the_underside_is_where_circles_that_rest_on_the_rail_reach(heights: list[float], radius_m: float) -> None:
+    """By brute force: of every circle that rests on the rail the lowest arc; the least of these arcs at each place."""
+    x = np.arange(-0.03, 0.0301, 0.5e-3)
+    z = PchipInterpolator(np.linspace(-0.03, 0.03, 8), [0.0, *heights, 0.0])(x)
+    z[[0, -1]] = 0.0
+    s = np.arange(-0.12, 0.12, 0.25e-3)
+    fine = np.where(np.abs(s) <= 0.03, PchipInterpolator(x, z)(np.clip(s, -0.03, 0.03)), 0.0)
+    gap = s[:, None] - s[None, :]
+    arc = np.where(np.abs(gap) < radius_m, radius_m - np.sqrt(np.maximum(radius_m**2 - gap**2, 0.0)), np.inf)
+    lowest = np.max(fine[None, :] - arc, axis=1)  # of each circle, centred over s
+    reached = np.min(lowest[:, None] + arc, axis=0)
+    np.testing.assert_allclose(underside(x, z, radius_m), np.interp(x, s, reached), atol=1e-6)
+
+
+def test_no_circle_follows_the_rail_as_it_stands() -> None:
+    x = np.linspace(-0.1, 0.1, 401)
+    z = np.where(np.abs(x) < 0.01, -2e-4, 0.0)
+    assert np.array_equal(underside(x, z, 0.0), z)
+    path = wheel_path_over(x, z, 0.0)
+    np.testing.assert_allclose(path.at(x)[5:-5], z[5:-5], atol=1e-12)
+    assert path.conditioning[-1] == "followed as it stands"
+    roller = WheelPathRoller(x, np.stack([z, z]), np.array([0.0, 0.45]))
+    heights = roller.heights(np.array([0, 1]))
+    at = roller.start_m + RESAMPLED_STEP_M * np.arange(heights.shape[1])
+    np.testing.assert_allclose(heights[0], path.at(at), atol=1e-12)
+    np.testing.assert_allclose(heights[1], wheel_path_over(x, z, 0.45).at(at), atol=1e-12)
 
 
 @pytest.mark.parametrize("patch_m", [0.0, 6.7e-3])

@@ -9,7 +9,14 @@ from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 
 @dataclass(frozen=True)
 class Wheel:
-    """Half a wheelset as a lumped mass under its static load, and its contact: eq. (4) and (5) of the paper."""
+    """Half a wheelset as a lumped mass under its static load, and its contact: eq. (4) and (5) of the paper.
+
+    Attributes:
+        mass_kg: unsprung.
+        static_load_n: static wheel load.
+        radius_m: of the circle that rolls over the rail; 0: none does, the contact follows the rail as it stands.
+        hertz_n_per_m15: Hertz constant.
+    """
 
     mass_kg: float
     static_load_n: float

@@ -6,7 +6,7 @@ follows the upper envelope of wheel circles resting on the profile,
     r(x) = max_s [ z(x + s) - (R - sqrt(R^2 - s^2)) ],   z and r positive up,
 
 a grey dilation of the profile by the wheel's circle (paper, section 2.3 after Wu & Thompson 2002). Where the profile
-is sharper than the wheel, the wheel bridges it.
+is sharper than the wheel, the wheel bridges it. A wheel of radius 0 follows the profile as it stands.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
-from scipy.ndimage import grey_dilation
+from scipy.ndimage import grey_dilation, grey_erosion
 
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage import _sampled_path
@@ -74,24 +74,41 @@ def wheel_path_over(
     Args:
         x_m: (n,), increasing, 0 at the weld's centre.
         z_m: (n,), positive up.
-        wheel_radius_m: rolling radius.
+        wheel_radius_m: rolling radius; 0: no circle rolls.
         patch_half_length_m: of the contact patch, over which the heights are averaged; 0: the contact is a point.
     """
     x, z, join = joined(np.asarray(x_m, dtype=np.float64), np.asarray(z_m, dtype=np.float64))
     reach = _reach(float(np.ptp(z)), wheel_radius_m)
     reach += patch_half_length_m
-    first = np.floor((x[0] - reach) / RESAMPLED_STEP_M) - 2
-    last = np.ceil((x[-1] + reach) / RESAMPLED_STEP_M) + 2
-    grid = np.arange(first, last + 1) * RESAMPLED_STEP_M
-    # Shape-preserving cubic: no overshoot between samples, so no peak that was not measured.
-    inside = (grid >= x[0]) & (grid <= x[-1])
-    surface = np.where(inside, PchipInterpolator(x, z)(np.clip(grid, x[0], x[-1])), 0.0)
+    grid = _grid(x, reach)
+    surface = _resampled(x, z, grid)
     notes = (*join, f"resampled to {RESAMPLED_STEP_M * 1e3:g} mm by shape-preserving cubics")
     if patch_half_length_m > 0.0:
         surface = averaged_over_patch(surface, RESAMPLED_STEP_M, patch_half_length_m)
         notes += (f"averaged over a contact patch {2e3 * patch_half_length_m:.3g} mm long",)
-    notes += (f"rolled over by a wheel of radius {wheel_radius_m:g} m",)
+    rolled = f"rolled over by a wheel of radius {wheel_radius_m:g} m" if wheel_radius_m else "followed as it stands"
+    notes += (rolled,)
     return WheelPath(float(grid[0]), dilated_by_wheel(surface, RESAMPLED_STEP_M, wheel_radius_m), notes)
+
+
+def underside(x_m: FloatArray, z_m: FloatArray, wheel_radius_m: float) -> FloatArray:
+    """Return how deep a wheel that rolls over a profile reaches at its samples, (n,): above the rail where it bridges.
+
+    The closing of the profile by the wheel's circle; what lies below it no wheel of that radius sees.
+
+    Args:
+        x_m: (n,), increasing.
+        z_m: (n,), positive up.
+        wheel_radius_m: rolling radius; 0: no circle rolls, and nothing is bridged.
+    """
+    x, z, _ = joined(x_m, z_m)
+    reach = _reach(float(np.ptp(z)), wheel_radius_m)
+    grid = _grid(x, reach)
+    surface = _resampled(x, z, grid)
+    circle = _circle(reach, RESAMPLED_STEP_M, wheel_radius_m)
+    path = dilated_by_wheel(surface, RESAMPLED_STEP_M, wheel_radius_m)
+    deepest = grey_erosion(path, footprint=np.ones(len(circle)), structure=circle, mode="nearest")
+    return np.asarray(z_m + np.maximum(0.0, np.interp(x_m, grid, deepest - surface)))
 
 
 class WheelPathRoller:
@@ -119,9 +136,7 @@ class WheelPathRoller:
             self._weight = weight[len(weight) // 2 :]
         self._reaches_m = [_reach(float(np.ptp(z)), radius) for z, radius in zip(self._z_m, self._radii_m, strict=True)]
         beyond = max(self._reaches_m) + patch_half_length_m
-        first = np.floor((self._x_m[0] - beyond) / RESAMPLED_STEP_M) - 2
-        last = np.ceil((self._x_m[-1] + beyond) / RESAMPLED_STEP_M) + 2
-        self._grid_m = np.arange(first, last + 1) * RESAMPLED_STEP_M
+        self._grid_m = _grid(self._x_m, beyond)
         self.start_m = float(self._grid_m[0])
 
     def heights(self, samples: NDArray[np.intp]) -> FloatArray:
@@ -131,9 +146,9 @@ class WheelPathRoller:
         for path, sample in zip(paths, samples.tolist(), strict=True):
             if self._patch_m > 0.0:
                 _sampled_path.average(np.pad(path, len(self._weight) - 1), self._weight, path)
-            half, radius = int(np.ceil(self._reaches_m[sample] / RESAMPLED_STEP_M)), float(self._radii_m[sample])
-            s = RESAMPLED_STEP_M * np.arange(-half, half + 1)
-            circle = np.sqrt(radius**2 - s**2) - radius
+            radius = float(self._radii_m[sample])
+            circle = _circle(self._reaches_m[sample], RESAMPLED_STEP_M, radius)
+            half = len(circle) // 2
             _sampled_path.dilate(np.pad(path, half, mode="edge"), half, circle, radius, RESAMPLED_STEP_M, path)
         return paths
 
@@ -155,13 +170,31 @@ def _patch_weight(step_m: float, half_length_m: float) -> FloatArray:
 
 def dilated_by_wheel(surface_m: FloatArray, step_m: float, wheel_radius_m: float) -> FloatArray:
     """Return the dilation of equidistant heights by the wheel's circle, same shape."""
-    half = int(np.ceil(_reach(float(np.ptp(surface_m)), wheel_radius_m) / step_m))
-    if half == 0:
+    circle = _circle(_reach(float(np.ptp(surface_m)), wheel_radius_m), step_m, wheel_radius_m)
+    if len(circle) == 1:
         return np.array(surface_m)
-    s = step_m * np.arange(-half, half + 1)
-    circle = np.sqrt(wheel_radius_m**2 - s**2) - wheel_radius_m
-    dilated: FloatArray = grey_dilation(surface_m, footprint=np.ones(len(s)), structure=circle, mode="nearest")
+    dilated: FloatArray = grey_dilation(surface_m, footprint=np.ones(len(circle)), structure=circle, mode="nearest")
     return dilated
+
+
+def _circle(reach_m: float, step_m: float, wheel_radius_m: float) -> FloatArray:
+    """Return heights of the wheel's underside, negative, about its lowest point."""
+    half = int(np.ceil(reach_m / step_m))
+    s = step_m * np.arange(-half, half + 1)
+    return np.asarray(np.sqrt(wheel_radius_m**2 - s**2) - wheel_radius_m)
+
+
+def _grid(x_m: FloatArray, reach_m: float) -> FloatArray:
+    """Return whole steps that hold a profile and what a wheel reaches beyond it."""
+    first = np.floor((x_m[0] - reach_m) / RESAMPLED_STEP_M) - 2
+    last = np.ceil((x_m[-1] + reach_m) / RESAMPLED_STEP_M) + 2
+    return np.asarray(np.arange(first, last + 1) * RESAMPLED_STEP_M)
+
+
+def _resampled(x_m: FloatArray, z_m: FloatArray, grid_m: FloatArray) -> FloatArray:
+    """Return a profile on a grid, zero outside, by shape-preserving cubics: no peak that was not measured."""
+    inside = (grid_m >= x_m[0]) & (grid_m <= x_m[-1])
+    return np.where(inside, PchipInterpolator(x_m, z_m)(np.clip(grid_m, x_m[0], x_m[-1])), 0.0)
 
 
 def _reach(height_m: float, wheel_radius_m: float) -> float:

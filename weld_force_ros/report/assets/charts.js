@@ -87,6 +87,9 @@ function drawGeometry(holder, profile, grinding, still) {
   }
   const name = profile.measured_x_m ? "rail, estimated" : "rail as measured";
   traces.push(trace(profile.x_m, profile.z_m, name, {color: COLOURS.blue, width: 2}));
+  if (profile.underside_m) {
+    traces.push({...trace(profile.x_m, profile.underside_m, "bridged", {width: 0}), hoverinfo: "skip", hovertemplate: undefined, fill: "tonexty", fillcolor: "rgba(213, 94, 0, 0.35)"});
+  }
   if (profile.wheel_x_m && profile.wheel_m) {
     traces.push(trace(profile.wheel_x_m, profile.wheel_m, "wheel centre", {color: COLOURS.orange, width: 1.5, dash: "dash"}));
   }

@@ -198,6 +198,9 @@ interface Profile {
   wrong_z_m?: number[];
   wheel_x_m?: number[];
   wheel_m?: number[];
+  /** How deep the wheel reaches, at `x_m`; above the rail where it bridges. */
+  underside_m?: number[];
+  bridged_m?: number;
   /** The quality index along the weld: inclination over 25 mm over the norm. */
   index?: number[];
   index_from_m?: number;

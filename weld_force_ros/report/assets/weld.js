@@ -382,9 +382,10 @@ function restrictionTable({restrictions}, {error_share: share = 0, static_n: atR
 function geometryPart(profile, grinding, still, later) {
   const noise = profile.noise_m === undefined ? "" : ` Measurement noise of ${number(profile.noise_m * 1e6, 2)} µm is taken out.`;
   const worst = profile.index?.length ? ` Its quality index along the rail, ${number(Math.max(...profile.index))} at most, above it.` : "";
+  const bridged = profile.bridged_m === undefined ? "" : `Shaded: ${number(profile.bridged_m * 1e3)} mm of the rail that the wheel bridges and does not meet.`;
   const holder = chart(`Height of the rail over the weld, and the wheel centre's path.${worst}${noise}`, worst ? "" : "low");
   later(() => drawGeometry(holder, profile, grinding, still));
-  return card("Geometry", holder);
+  return card("Geometry", holder, bridged && element("p", {class: "hint"}, bridged));
 }
 
 /**
