@@ -1,6 +1,7 @@
 """Check and complete the environment variables of ROS: what is wrong is said in one line, before it starts."""
 
 import os
+import socket
 import sys
 import tempfile
 from pathlib import Path
@@ -26,8 +27,25 @@ def prepare() -> None:
 
 
 def stay_on_this_machine() -> None:
-    """Keep discovery to this machine, unless the user chose a range."""
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", LOCALHOST_ONLY)
+    """Keep discovery to this machine, unless the user chose a range, by the older variable or the newer one."""
+    if not os.environ.get("ROS_LOCALHOST_ONLY"):
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", LOCALHOST_ONLY)
+
+
+def check_loopback() -> None:
+    """Check that processes of this machine can find each other; the nodes of one process need no network.
+
+    Raises:
+        InputError: the loopback interface is down.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("127.0.0.1", 7400))
+        except OSError as error:
+            raise InputError(
+                f"the loopback interface cannot be used: {error.strerror}",
+                "bring it up (`ip link set lo up`), or leave out --processes",
+            ) from None
 
 
 def use_own_domain() -> None:

@@ -45,7 +45,7 @@ class RecordedPublisher:
     ) -> None:
         self._node = node
         self._publisher = node.create_publisher(message_type, topic, profile)
-        self._describe = (self._publisher.topic_name, message_type, profile)
+        self._describe = (recorded_name(node, topic), message_type, profile)
         self._record = record
         self._depth = profile.depth if profile.history == HistoryPolicy.KEEP_LAST else 0
         self._unacknowledged = 0
@@ -94,11 +94,12 @@ def subscribe_raw(
     events: SubscriptionEventCallbacks | None = None,
 ) -> Subscription:
     """Subscribe to a topic of any type; `take` gets each message in the executor's thread and must be quick."""
+    name = recorded_name(node, topic)
 
     def callback(cdr: bytes, info: dict[str, int]) -> None:
         take(
             SerializedMessage(
-                subscription.topic_name,
+                name,
                 message_type,
                 profile,
                 cdr,
@@ -108,7 +109,11 @@ def subscribe_raw(
             )
         )
 
-    subscription = node.create_subscription(
+    return node.create_subscription(
         message_type, topic, callback, profile, raw=True, callback_group=group, event_callbacks=events
     )
-    return subscription
+
+
+def recorded_name(node: Node, topic: str) -> str:
+    """Return a topic's name in the node's namespace, whatever it is remapped to: by it a recording is read."""
+    return node.resolve_topic_name(topic, only_expand=True)

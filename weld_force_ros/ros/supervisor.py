@@ -131,6 +131,7 @@ class Supervisor:
 
     def __enter__(self) -> "Supervisor":
         environment.stay_on_this_machine()
+        environment.check_loopback()
         self._stack = ExitStack()
         file = Path(self._stack.enter_context(tempfile.TemporaryDirectory())) / "parameters.yaml"
         nodes = {f"/**/{k}_node": {"ros__parameters": dict(given)} for k, given in self._parameters.items()}
@@ -169,6 +170,7 @@ def supervise(parameters: Mapping[Kind, Mapping[str, Any]], ros_args: Sequence[s
         The exit code: 0 if all that was taken was finished, 1 if something was left.
 
     Raises:
+        InputError: the nodes cannot find each other.
         WeldForceError: a node cannot be started as it is configured.
     """
     with stop_signals() as (stop, abandon):
