@@ -80,13 +80,15 @@ def bag_recover(bag: BagPath, target: Recovered = None) -> None:
         terminal.say(f"{bag}: {recovered.damage}")
     there = "are in {} already" if recovered.already else "recovered to {}"
     terminal.say(f"{recovered.message_count} messages {there.format(recovered.target)}; {_lost(recovered)}")
-    if recovered.lossy:
+    for clause in recovered.rewritten:
+        terminal.say(f"not kept as it was: {clause}")
+    if recovered.lossy or recovered.unread_by_others:
         raise typer.Exit(3)
 
 
 def _lost(recovered: "RecoveryReport") -> str:
     if not recovered.lossy:
-        return "nothing lost"
+        return recovered.unread_by_others or "nothing lost"
     unsaid = "" if recovered.lost_messages else " (how many messages, the file cannot tell)"
     return f"lost: {recovered.lost_messages or 'some'} messages, {recovered.lost_bytes} bytes unreadable{unsaid}"
 

@@ -1,4 +1,4 @@
-"""Recordings: MCAP in the form that rosbag2 (Jazzy) gives it, written and read without ROS.
+"""Recordings: MCAP in the form that rosbag2 (Jazzy) gives it, written and read without ROS; other forms are read.
 
 While a recording runs, each message is one whole write to an unchunked file, so that a killed process loses none. A
 file that is finished, by a split or at the end, is completed, then rewritten beside in compressed and indexed chunks
@@ -9,8 +9,17 @@ one up to the cut.
 
 from weld_force_ros.recording.contract_messages import ContractMessage, OutcomeCounts, contract_messages, count_outcomes
 from weld_force_ros.recording.json_export import ExportReport, export_json
-from weld_force_ros.recording.mcap_reader import Recorded
-from weld_force_ros.recording.reader import Bag, FileSummary, Summary, TopicSummary, open_bag, stored, summary
+from weld_force_ros.recording.reader import (
+    Bag,
+    FileSummary,
+    Summary,
+    TopicSummary,
+    is_recording_file,
+    open_bag,
+    stored,
+    summary,
+)
+from weld_force_ros.recording.recorded import Recorded
 from weld_force_ros.recording.recorder import Recorder
 from weld_force_ros.recording.recording import Recording, open_recording
 from weld_force_ros.recording.recovery import RecoveryReport, recover
@@ -36,6 +45,7 @@ __all__ = [
     "count_outcomes",
     "export_json",
     "export_tables",
+    "is_recording_file",
     "offered_qos",
     "open_bag",
     "open_recording",

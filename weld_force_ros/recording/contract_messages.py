@@ -9,8 +9,8 @@ from msgspec import UNSET, UnsetType
 
 from weld_force_ros.errors import BagError, MessageError
 from weld_force_ros.messages import TOPICS, Message, Rejection, Verdict, WeldProfile, decode, identity
-from weld_force_ros.recording.mcap_reader import Recorded
 from weld_force_ros.recording.reader import Bag
+from weld_force_ros.recording.recorded import Recorded
 from weld_force_ros.recording.rosbag2_format import STRING
 
 

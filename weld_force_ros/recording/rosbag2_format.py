@@ -11,6 +11,9 @@ MAX_RECORD_BYTES = 64 * 2**20
 """The largest record, and the largest chunk once decompressed, that is read; messages up to half of it are written."""
 
 
+UNKNOWN_DISTRO = "unknown"
+
+
 class MessageDefinition(NamedTuple):
     """The type, schema and QoS of a channel's messages.
 
@@ -21,6 +24,7 @@ class MessageDefinition(NamedTuple):
         offered_qos_profiles: YAML, a list; see `offered_qos`.
         schema_encoding: how `text` is written.
         message_encoding: how messages are written; a bag has one encoding.
+        metadata: what else the channel states, by name.
     """
 
     name: str
@@ -29,6 +33,23 @@ class MessageDefinition(NamedTuple):
     offered_qos_profiles: str = ""
     schema_encoding: str = "ros2msg"
     message_encoding: str = "cdr"
+    metadata: tuple[tuple[str, str], ...] = ()
+
+
+class FileForm(NamedTuple):
+    """What a recording states beside its messages.
+
+    Attributes:
+        profile: of the MCAP file; `ros2` is rosbag2's.
+        compression: of its chunks: `zstd`, `lz4` or none.
+        ros_distro: the distribution that it was recorded with.
+        custom_data: what else its `metadata.yaml` holds, by name.
+    """
+
+    profile: str = "ros2"
+    compression: str = "zstd"
+    ros_distro: str = UNKNOWN_DISTRO
+    custom_data: tuple[tuple[str, str], ...] = ()
 
 
 def to_yaml(content: object) -> str:
@@ -118,7 +139,7 @@ def merged(parts: Iterable[ChannelStatistics]) -> ChannelStatistics:
     return whole
 
 
-def information(files: Mapping[str, ChannelStatistics]) -> dict[str, Any]:
+def information(files: Mapping[str, ChannelStatistics], form: FileForm) -> dict[str, Any]:
     """Return rosbag2's metadata, version 9, of a bag with these files by name."""
     whole = merged(files.values())
     return {
@@ -142,9 +163,18 @@ def information(files: Mapping[str, ChannelStatistics]) -> dict[str, Any]:
         "compression_mode": "",
         "relative_file_paths": list(files),
         "files": [{"path": name, **_extent(statistics)} for name, statistics in files.items()],
-        "custom_data": None,
-        "ros_distro": "jazzy",
+        "custom_data": dict(form.custom_data) or None,
+        "ros_distro": form.ros_distro,
     }
+
+
+def stated_origin(content: Any) -> tuple[str, tuple[tuple[str, str], ...]] | None:
+    """Return distribution and custom data that rosbag2's metadata state; None if they are none."""
+    if not isinstance(content, dict):
+        return None
+    distro, custom = content.get("ros_distro"), content.get("custom_data")
+    pairs = custom.items() if isinstance(custom, dict) else ()
+    return distro if isinstance(distro, str) and distro else UNKNOWN_DISTRO, tuple((str(k), str(v)) for k, v in pairs)
 
 
 def _extent(statistics: ChannelStatistics) -> dict[str, Any]:

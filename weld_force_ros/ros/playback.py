@@ -114,7 +114,7 @@ def play(
     publisher waits for it, up to the bound of `serialized_messages.RecordedPublisher`.
 
     Args:
-        path: a bag folder or an .mcap file; a cut one is played up to the cut.
+        path: a bag folder or one of its files; a cut one is played up to the cut.
         options: what of it to play, and how fast.
         stop: set by another thread or a signal to end cleanly.
         report: called with one line for what is not played and why, and for topics without a subscriber at the start.
