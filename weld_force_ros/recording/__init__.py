@@ -25,14 +25,17 @@ from weld_force_ros.recording.recording import Recording, open_recording
 from weld_force_ros.recording.recovery import RecoveryReport, recover
 from weld_force_ros.recording.rosbag2_format import STRING, MessageDefinition, offered_qos, string_cdr
 from weld_force_ros.recording.table_export import FORMATS, export_tables
+from weld_force_ros.recording.timeline import GAP_NS, Gap, Timeline, gap_in_words, utc
 
 __all__ = [
     "FORMATS",
+    "GAP_NS",
     "STRING",
     "Bag",
     "ContractMessage",
     "ExportReport",
     "FileSummary",
+    "Gap",
     "MessageDefinition",
     "OutcomeCounts",
     "Recorded",
@@ -40,11 +43,13 @@ __all__ = [
     "Recording",
     "RecoveryReport",
     "Summary",
+    "Timeline",
     "TopicSummary",
     "contract_messages",
     "count_outcomes",
     "export_json",
     "export_tables",
+    "gap_in_words",
     "is_recording_file",
     "offered_qos",
     "open_bag",
@@ -53,4 +58,5 @@ __all__ = [
     "stored",
     "string_cdr",
     "summary",
+    "utc",
 ]

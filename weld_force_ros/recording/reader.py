@@ -18,6 +18,7 @@ from weld_force_ros.recording.recorded import Recorded
 from weld_force_ros.recording.recorded_file import CONVERT, PACKED, RecordedFile
 from weld_force_ros.recording.rosbag2_format import ChannelStatistics, FileForm, merged, stated_origin
 from weld_force_ros.recording.sqlite3_reader import Sqlite3File
+from weld_force_ros.recording.timeline import Gap
 
 _READERS: dict[str, type[RecordedFile]] = {".mcap": McapFile, ".db3": Sqlite3File}
 
@@ -47,7 +48,10 @@ class FileSummary:
 
 @dataclass(frozen=True)
 class Summary:
-    """Contents and state of a recording; `damage` is None for one that was closed and is whole."""
+    """Contents and state of a recording; `damage` is None for one that was closed and is whole.
+
+    Durations leave out the `gaps`, times of more than a day without any message.
+    """
 
     path: str
     files: tuple[FileSummary, ...]
@@ -55,6 +59,7 @@ class Summary:
     message_count: int
     start_ns: int
     duration_s: float
+    gaps: tuple[Gap, ...]
     topics: tuple[TopicSummary, ...]
     closed: bool
     indexed: bool
@@ -162,13 +167,15 @@ class Bag:
 
     def summary(self) -> Summary:
         """Return contents and state of the recording."""
+        timeline = self.statistics.timeline
         return Summary(
             path=str(self.path),
             files=tuple(_file_summary(file) for file in self.files),
             size_bytes=sum(file.size for file in self.files),
             message_count=self.statistics.message_count,
             start_ns=self.statistics.start_ns,
-            duration_s=self.statistics.duration_ns * 1e-9,
+            duration_s=timeline.duration_ns * 1e-9,
+            gaps=timeline.gaps,
             topics=tuple(
                 TopicSummary(topic, definition.name, n) for (topic, definition), n in self.statistics.counts.items()
             ),
@@ -186,7 +193,7 @@ def _file_summary(file: RecordedFile) -> FileSummary:
         size_bytes=file.size,
         message_count=file.statistics.message_count,
         start_ns=file.statistics.start_ns,
-        duration_s=file.statistics.duration_ns * 1e-9,
+        duration_s=file.statistics.timeline.duration_ns * 1e-9,
         closed=file.closed,
         indexed=file.indexed,
         damage=file.damage,

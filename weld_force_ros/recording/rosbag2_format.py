@@ -7,9 +7,13 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from weld_force_ros.recording.timeline import Timeline
+
 MAX_RECORD_BYTES = 64 * 2**20
 """The largest record, and the largest chunk once decompressed, that is read; messages up to half of it are written."""
 
+
+_DAY_NS = 24 * 3600 * 10**9
 
 UNKNOWN_DISTRO = "unknown"
 
@@ -97,12 +101,14 @@ class ChannelStatistics:
         first_ns: the earliest log time; None without messages.
         last_ns: the latest log time.
         lateness_ns: how far back in time a message lies, at most, behind one stored before it.
+        days: the earliest and the latest log time of each day that has messages, by days since the epoch.
     """
 
     counts: dict[tuple[str, MessageDefinition], int] = field(default_factory=dict)
     first_ns: int | None = None
     last_ns: int = 0
     lateness_ns: int = 0
+    days: dict[int, tuple[int, int]] = field(default_factory=dict)
 
     def add(self, topic: str, definition: MessageDefinition, log_time_ns: int) -> None:
         """Count one message."""
@@ -110,6 +116,18 @@ class ChannelStatistics:
         self.first_ns = log_time_ns if self.first_ns is None else min(self.first_ns, log_time_ns)
         self.last_ns = max(self.last_ns, log_time_ns)
         self.lateness_ns = max(self.lateness_ns, self.last_ns - log_time_ns)
+        self.extend_day(log_time_ns, log_time_ns)
+
+    def extend_day(self, first_ns: int, last_ns: int) -> None:
+        """Take account of messages between two log times of one day."""
+        day = first_ns // _DAY_NS
+        known_first, known_last = self.days.get(day, (first_ns, last_ns))
+        self.days[day] = min(known_first, first_ns), max(known_last, last_ns)
+
+    @property
+    def timeline(self) -> Timeline:
+        """Return the log times without gaps; known of files that were read through."""
+        return Timeline(self.days.values())
 
     @property
     def message_count(self) -> int:
@@ -136,6 +154,8 @@ def merged(parts: Iterable[ChannelStatistics]) -> ChannelStatistics:
         if statistics.first_ns is not None:
             whole.first_ns = statistics.first_ns if whole.first_ns is None else min(whole.first_ns, statistics.first_ns)
             whole.last_ns = max(whole.last_ns, statistics.last_ns)
+        for first_ns, last_ns in statistics.days.values():
+            whole.extend_day(first_ns, last_ns)
     return whole
 
 

@@ -67,7 +67,7 @@ class RosSink:
         if recorded_ns == self._published_ns:
             return
         self._published_ns = recorded_ns
-        self._on_time((recorded_ns - self._plan.start_ns) * 1e-9, self._plan.duration_s)
+        self._on_time(self._plan.timeline.elapsed_ns(recorded_ns) * 1e-9, self._plan.duration_s)
         if self._clock is not None:
             clock = Clock()
             clock.clock.sec, clock.clock.nanosec = divmod(recorded_ns, 10**9)
