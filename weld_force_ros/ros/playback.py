@@ -148,12 +148,14 @@ def play(
     with _node(domain_id) as node:
         sink = RosSink(node, plan, options, report, on_time)
         sink.await_subscribers(discovery_s, stop)
+        sink.report_live_publishers()
         while not stop.is_set():
             play_messages(plan.messages(), start_ns, sink, clock, stop)
             if not options.loop:
                 break
             clock.sleep(CLOCK_PERIOD_S)  # a recording of one moment would otherwise be played without pause
         sink.await_acknowledgement()
+        sink.report_live_publishers()  # those that were not discovered before
     return sink.sent
 
 

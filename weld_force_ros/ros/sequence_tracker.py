@@ -4,7 +4,7 @@ from typing import Annotated
 
 import msgspec
 
-from weld_force_ros.messages import MAX_MESSAGE_BYTES, Number
+from weld_force_ros.messages import MAX_MESSAGE_BYTES, Number, Stamp
 
 MOST_PUBLISHERS = 1000
 """How many publishers of all topics are tracked: names come from outside, and every restart brings new ones."""
@@ -15,6 +15,16 @@ class Header(msgspec.Struct):
 
     publisher: Annotated[str, msgspec.Meta(max_length=300)] = ""
     sequence: Number = 0
+    stamp: msgspec.Raw = msgspec.Raw()
+
+    @property
+    def stamped_ns(self) -> int:
+        """Return when the message was stamped, in ns since the epoch; 0 if it does not say."""
+        try:
+            stamp = msgspec.json.decode(self.stamp, type=Stamp)
+        except msgspec.DecodeError:
+            return 0
+        return stamp.sec * 10**9 + stamp.nanosec
 
 
 def read_header(data: str) -> Header | None:
