@@ -162,6 +162,7 @@ def play(
 @contextmanager
 def _node(domain_id: int | None) -> Iterator[Node]:
     environment.prepare()
+    environment.check_message_extensions()
     environment.stay_on_this_machine()
     context = rclpy.Context()
     try:
