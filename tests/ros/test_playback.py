@@ -26,6 +26,7 @@ from rosbags.highlevel import AnyReader
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
+from tests.harness.bag_forms import remade
 from tests.harness.ros import DEADLINE_S, Outcomes, Probe, wait_until
 from weld_force_ros.cli.main import main
 from weld_force_ros.errors import BagError, InputError
@@ -166,6 +167,16 @@ def test_a_slow_sink_gets_every_message_late_and_time_waits_for_it() -> None:
         assert all(time_ns <= ns for ns in unsent)
 
 
+def test_a_gap_of_years_is_skipped() -> None:
+    years_ns = 57 * 365 * 86_400 * 10**9
+    messages = recorded(("/live", 0), ("/live", 2_000 * MS), ("/live", years_ns), ("/live", years_ns + 1_000 * MS))
+    sink, time = played_in_simulated_time(messages)
+    assert [at_s for at_s, _ in sink.sent] == pytest.approx([0.0, 2.0, 2.0, 3.0])
+    assert time.now_s == pytest.approx(3.0)
+    sink, _ = played_in_simulated_time(messages, offset_ns=1_000 * MS, rate=2.0)
+    assert [at_s for at_s, _ in sink.sent] == pytest.approx([0.5, 0.5, 1.0])
+
+
 def test_stopping_leaves_out_the_rest() -> None:
     time, stop = SimulatedTime(), threading.Event()
     sink = SimulatedSink(time)
@@ -239,7 +250,8 @@ def playing(path: Path, options: PlaybackOptions, discovery_s: float = 0.0) -> I
     assert not thread.is_alive()
 
 
-def test_two_runs_of_the_demos_bag_each_deliver_every_byte_in_order(listener: Listener) -> None:
+def listening_to_the_demo(listener: Listener) -> tuple[dict[str, list[bytes]], dict[str, Outcomes]]:
+    """The bytes of the demo's bag by topic, and what is received on its topics from now on."""
     expected: dict[str, list[bytes]] = defaultdict(list)
     collected: dict[str, Outcomes] = {}
     with AnyReader([DEMO]) as reader:
@@ -249,6 +261,20 @@ def test_two_runs_of_the_demos_bag_each_deliver_every_byte_in_order(listener: Li
                 package, name = connection.msgtype.split("/msg/")
                 message_type = getattr(import_module(f"{package}.msg"), name)
                 collected[connection.topic] = listener.listen(connection.topic, message_type)
+    return expected, collected
+
+
+@pytest.mark.parametrize("form", ["mcap message zstd", "sqlite3 file zstd", "frames lz4", "schemas empty"])
+def test_recording_of_others_is_played_byte_for_byte(listener: Listener, tmp_path: Path, form: str) -> None:
+    expected, collected = listening_to_the_demo(listener)
+    count = sum(map(len, expected.values()))
+    assert played(remade(DEMO, form, tmp_path / "bag")) == (count, [])
+    for topic, messages in expected.items():
+        assert collected[topic].wait(len(messages)) == messages
+
+
+def test_two_runs_of_the_demos_bag_each_deliver_every_byte_in_order(listener: Listener) -> None:
+    expected, collected = listening_to_the_demo(listener)
     count = sum(map(len, expected.values()))
     assert [played(DEMO), played(DEMO)] == [(count, []), (count, [])]
     for topic, messages in expected.items():

@@ -26,7 +26,7 @@ from weld_force_ros.errors import BagError, InputError, ProfileError
 from weld_force_ros.measurement.instruments import InstrumentFormat
 from weld_force_ros.measurement.profile_file import UNFINISHED, read_profiles
 from weld_force_ros.messages import WeldProfile, identity
-from weld_force_ros.recording import contract_messages, open_bag
+from weld_force_ros.recording import contract_messages, is_recording_file, open_bag
 
 UNPACKED = "unpacked"
 """Folder beside the results for folders and bags as tables."""
@@ -104,7 +104,7 @@ def _sources_of(entry: SourceEntry, campaign: Campaign, say: Callable[[str], Non
             welds = _measured(path, files, form)
             found = [_unpacked(welds, state, entry, campaign, lambda: say(f"reading {origin}: {len(files):,} files"))]
         case _:
-            recordings = [path] if path.is_file() else sorted(path.rglob("*.mcap"))
+            recordings = [path] if path.is_file() else sorted(filter(is_recording_file, path.rglob("*")))
             state = _state(path.parent, [str(file.relative_to(path.parent)) for file in recordings])
             found = [_unpacked(_recorded(path), state, entry, campaign, lambda: say(f"reading {origin}"))]
     if not sum(source.welds for source in found):

@@ -1,7 +1,6 @@
 """`weld-force bag`: look into, repair and export recordings."""
 
 from dataclasses import asdict
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,12 +24,13 @@ Formats = Annotated[list[str] | None, typer.Option("--format", help="Of tables: 
 def bag_info(bag: BagPath, json: Json = None) -> None:
     """Show what a recording holds, its state, and how its measurements ended."""
     from weld_force_ros.cli import terminal
-    from weld_force_ros.recording import count_outcomes, open_bag
+    from weld_force_ros.recording import count_outcomes, gap_in_words, open_bag
 
     opened = open_bag(bag)
     found, ended = opened.summary(), count_outcomes(opened)
+    gaps = [gap._asdict() for gap in found.gaps]
     with json_output.lines(json) as out:
-        json_output.write(out, {**asdict(found), "outcomes": asdict(ended) if ended else None})
+        json_output.write(out, {**asdict(found), "gaps": gaps, "outcomes": asdict(ended) if ended else None})
     terminal.table(
         f"{found.path}: {found.message_count} messages, {found.duration_s:.1f} s, {found.size_bytes / 1e3:.0f} kB",
         [("topic", ""), ("type", ""), ("messages", "right")],
@@ -41,16 +41,19 @@ def bag_info(bag: BagPath, json: Json = None) -> None:
         [("file", ""), ("begins (UTC)", ""), ("s", "right"), ("messages", "right"), ("kB", "right"), ("state", "")],
         map(_file_row, found.files),
     )
+    for gap in found.gaps:
+        terminal.say(gap_in_words(gap))
     if ended:
         terminal.say(_ended(ended))
     terminal.say(found.damage or "closed and indexed" if found.closed else f"not closed: {found.damage}")
 
 
 def _file_row(file: "FileSummary") -> tuple[str, ...]:
-    begins = datetime.fromtimestamp(file.start_ns // 10**9, UTC).strftime("%Y-%m-%d %H:%M:%S")
+    from weld_force_ros.recording import utc
+
     return (
         file.name,
-        begins if file.message_count else "",
+        utc(file.start_ns) if file.message_count else "",
         f"{file.duration_s:.1f}",
         str(file.message_count),
         f"{file.size_bytes / 1e3:.0f}",
@@ -80,13 +83,15 @@ def bag_recover(bag: BagPath, target: Recovered = None) -> None:
         terminal.say(f"{bag}: {recovered.damage}")
     there = "are in {} already" if recovered.already else "recovered to {}"
     terminal.say(f"{recovered.message_count} messages {there.format(recovered.target)}; {_lost(recovered)}")
-    if recovered.lossy:
+    for clause in recovered.rewritten:
+        terminal.say(f"not kept as it was: {clause}")
+    if recovered.lossy or recovered.unread_by_others:
         raise typer.Exit(3)
 
 
 def _lost(recovered: "RecoveryReport") -> str:
     if not recovered.lossy:
-        return "nothing lost"
+        return recovered.unread_by_others or "nothing lost"
     unsaid = "" if recovered.lost_messages else " (how many messages, the file cannot tell)"
     return f"lost: {recovered.lost_messages or 'some'} messages, {recovered.lost_bytes} bytes unreadable{unsaid}"
 

@@ -29,7 +29,7 @@ Limits = Annotated[
         help="Rule books to judge by, see `weld-force limits list`: force,banenor-531; default: force.",
     ),
 ]
-BagPath = Annotated[Path, typer.Argument(help="A bag folder or an .mcap file.")]
+BagPath = Annotated[Path, typer.Argument(help="A bag folder, or one of its files (.mcap, .db3).")]
 Profiles = Annotated[list[str], typer.Argument(help="Profile files, or names of bundled profiles.")]
 Plot = Annotated[Path | None, typer.Option(help="Picture of each weld (several: a number is added).")]
 

@@ -165,6 +165,8 @@ def _compute(bag: Path, verify: bool, json: str | None) -> None:
     if not verify:
         terminal.show_verdicts([r.computed for r in results if isinstance(r.computed, Verdict)], recording.rejections)
         return
+    if not results:
+        raise InputError(f"{bag} holds no force map and no verdict to compare", "record with `weld-force up` or `demo`")
     differing = [r for r in results if r.differences]
     for result in differing:
         for difference in result.differences:

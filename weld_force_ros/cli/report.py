@@ -47,10 +47,10 @@ def report(of: Of, out: Out, pdf: Pdf = None, limits: Limits = None, grinding: G
 def _entries(of: Path, limits: "AssessmentSettings | None") -> "list[Record]":
     from weld_force_ros.assessment.rule_books import load_limits
     from weld_force_ros.cli import terminal
-    from weld_force_ros.recording import weld_records
+    from weld_force_ros.recording import is_recording_file, weld_records
     from weld_force_ros.recording.recording import open_recording
 
-    if of.is_file() and of.suffix != ".mcap":
+    if of.is_file() and not is_recording_file(of):
         return weld_records.records_of_maps(weld_records.read_maps(of), limits or load_limits())
     recording = open_recording(of)
     if recording.damage:

@@ -9,7 +9,7 @@ from msgspec import UNSET, UnsetType
 
 from weld_force_ros.errors import MessageError
 from weld_force_ros.messages.codec import decode, encodable
-from weld_force_ros.messages.fields import MAX_MESSAGE_BYTES, Message, Number, ProfileId, json_sha256
+from weld_force_ros.messages.fields import MAX_MESSAGE_BYTES, Message, Number, ProfileId, Stamp, json_sha256
 from weld_force_ros.messages.profile import WeldProfile
 from weld_force_ros.messages.topics import TOPICS
 
@@ -19,6 +19,16 @@ class Header(msgspec.Struct):
 
     publisher: Annotated[str, msgspec.Meta(max_length=300)] = ""
     sequence: Number = 0
+    stamp: msgspec.Raw = msgspec.Raw()
+
+    @property
+    def stamped_ns(self) -> int:
+        """Return when the message was stamped, in ns since the epoch; 0 if it does not say."""
+        try:
+            stamp = msgspec.json.decode(self.stamp, type=Stamp)
+        except msgspec.DecodeError:
+            return 0
+        return stamp.sec * 10**9 + stamp.nanosec
 
 
 class Measured(msgspec.Struct):

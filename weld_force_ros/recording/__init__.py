@@ -1,4 +1,4 @@
-"""Recordings: MCAP in the form that rosbag2 (Jazzy) gives it, written and read without ROS.
+"""Recordings: MCAP in the form that rosbag2 (Jazzy) gives it, written and read without ROS; other forms are read.
 
 While a recording runs, each message is one whole write to an unchunked file, so that a killed process loses none. A
 file that is finished, by a split or at the end, is completed, then rewritten beside in compressed and indexed chunks
@@ -9,21 +9,33 @@ one up to the cut.
 
 from weld_force_ros.recording.contract_messages import ContractMessage, OutcomeCounts, contract_messages, count_outcomes
 from weld_force_ros.recording.json_export import ExportReport, export_json
-from weld_force_ros.recording.mcap_reader import Recorded
-from weld_force_ros.recording.reader import Bag, FileSummary, Summary, TopicSummary, open_bag, stored, summary
+from weld_force_ros.recording.reader import (
+    Bag,
+    FileSummary,
+    Summary,
+    TopicSummary,
+    is_recording_file,
+    open_bag,
+    stored,
+    summary,
+)
+from weld_force_ros.recording.recorded import Recorded
 from weld_force_ros.recording.recorder import Recorder
 from weld_force_ros.recording.recording import Recording, open_recording
 from weld_force_ros.recording.recovery import RecoveryReport, recover
 from weld_force_ros.recording.rosbag2_format import STRING, MessageDefinition, offered_qos, string_cdr
 from weld_force_ros.recording.table_export import FORMATS, export_tables
+from weld_force_ros.recording.timeline import GAP_NS, Gap, Timeline, gap_in_words, utc
 
 __all__ = [
     "FORMATS",
+    "GAP_NS",
     "STRING",
     "Bag",
     "ContractMessage",
     "ExportReport",
     "FileSummary",
+    "Gap",
     "MessageDefinition",
     "OutcomeCounts",
     "Recorded",
@@ -31,11 +43,14 @@ __all__ = [
     "Recording",
     "RecoveryReport",
     "Summary",
+    "Timeline",
     "TopicSummary",
     "contract_messages",
     "count_outcomes",
     "export_json",
     "export_tables",
+    "gap_in_words",
+    "is_recording_file",
     "offered_qos",
     "open_bag",
     "open_recording",
@@ -43,4 +58,5 @@ __all__ = [
     "stored",
     "string_cdr",
     "summary",
+    "utc",
 ]

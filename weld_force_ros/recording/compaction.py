@@ -12,7 +12,7 @@ from weld_force_ros.recording.disk_space import DISK_FULL, DiskSpace
 from weld_force_ros.recording.mcap_reader import McapFile
 from weld_force_ros.recording.mcap_writer import write_mcap
 from weld_force_ros.recording.metadata_file import MetadataFile
-from weld_force_ros.recording.rosbag2_format import ChannelStatistics
+from weld_force_ros.recording.rosbag2_format import ChannelStatistics, FileForm
 
 DAMAGED = ".cut"
 """The ending of the name of a damaged file, kept beside what was readable of it."""
@@ -27,9 +27,10 @@ class Compactor:
     A file for which there is no room stays as it is until it is tried again.
     """
 
-    def __init__(self, metadata_file: MetadataFile, space: DiskSpace) -> None:
+    def __init__(self, metadata_file: MetadataFile, space: DiskSpace, form: FileForm) -> None:
         self._metadata_file = metadata_file
         self._space = space
+        self._form = form
         self._postponed: SimpleQueue[Path] = SimpleQueue()
         self._failures: SimpleQueue[BagError] = SimpleQueue()
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="compaction")
@@ -56,7 +57,7 @@ class Compactor:
     def _try(self, path: Path) -> None:
         try:
             if self._space.has_room_for(path.stat().st_size):
-                self._metadata_file.put((path, _compacted(path)))
+                self._metadata_file.put((path, _compacted(path, self._form)))
             else:
                 self._postponed.put(path)
         except OSError as error:
@@ -68,13 +69,15 @@ class Compactor:
             self._failures.put(error)
 
 
-def _compacted(path: Path) -> ChannelStatistics:
+def _compacted(path: Path, form: FileForm) -> ChannelStatistics:
     file = McapFile(path)
     file.scan()
     if file.lost_bytes:
         _keep_damaged(path, path.with_name(f"{path.name}{DAMAGED}"))
-    messages = iter(()) if file.error else file.ordered()
-    write_mcap(path, messages, file.statistics)
+    if file.error:
+        write_mcap(path, (), file.statistics, form)
+    else:
+        write_mcap(path, file.ordered(), file.statistics, form, file.extras())
     return file.statistics
 
 

@@ -19,8 +19,8 @@ from weld_force_ros.messages import (
     profile_identity,
     stated_identity,
 )
-from weld_force_ros.recording.mcap_reader import Recorded
 from weld_force_ros.recording.reader import Bag
+from weld_force_ros.recording.recorded import Recorded
 from weld_force_ros.recording.rosbag2_format import STRING
 
 

@@ -15,7 +15,7 @@ from weld_force_ros.recording.contract_messages import recorded_messages
 from weld_force_ros.recording.foxglove_layout import foxglove_layout
 from weld_force_ros.recording.mcap_writer import McapWriter
 from weld_force_ros.recording.reader import open_bag
-from weld_force_ros.recording.rosbag2_format import MessageDefinition
+from weld_force_ros.recording.rosbag2_format import FileForm, MessageDefinition
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ def export_json(source: Path, target: Path, *, on_invalid: Callable[[BagError], 
     """Write the contract messages as JSON with their schemas to an MCAP file, and layouts to see them beside it.
 
     Args:
-        source: a bag folder or an .mcap file.
+        source: a bag folder or one of its files.
         target: the new .mcap file; must not exist.
         on_invalid: called with the error of each message that breaks the contract.
 
@@ -46,7 +46,7 @@ def export_json(source: Path, target: Path, *, on_invalid: Callable[[BagError], 
     refuse_existing(target)
     invalid_count = 0
     with as_bag_error(target), whole_file(target, fsync=True) as stream:
-        writer = McapWriter(stream, chunked=True, profile="")
+        writer = McapWriter(stream, chunked=True, form=FileForm(profile=""))
         for recorded, message in recorded_messages(bag):
             if isinstance(message, BagError):
                 invalid_count += 1

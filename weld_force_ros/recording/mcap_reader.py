@@ -1,30 +1,36 @@
 """One MCAP file, read straight through its records, so that a cut one is read up to the cut."""
 
-import heapq
 import os
 import struct
 import zlib
-from collections.abc import Callable, Collection, Generator, Iterator
-from functools import lru_cache
+from collections.abc import Generator, Iterator
 from io import BytesIO
+from itertools import takewhile
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 import lz4.frame  # type: ignore[import-untyped]
 import msgspec
 import zstandard
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, Message, Schema, Statistics
+from mcap.records import Attachment, Channel, Chunk, ChunkIndex, DataEnd, Header, Message, Metadata, Schema, Statistics
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
-from mcap_ros2.decoder import DecoderFactory
 
+from weld_force_ros import _yaml
 from weld_force_ros.errors import BagError
-from weld_force_ros.messages import legible
-from weld_force_ros.recording.rosbag2_format import MAX_RECORD_BYTES, ChannelStatistics, MessageDefinition
+from weld_force_ros.recording.recorded import Recorded, decompressed, is_compressed
+from weld_force_ros.recording.recorded_file import CONVERT, RecordedFile
+from weld_force_ros.recording.rosbag2_format import (
+    MAX_RECORD_BYTES,
+    ChannelStatistics,
+    FileForm,
+    MessageDefinition,
+    stated_origin,
+)
 
-MAX_REORDERED_BYTES = 2**30
-"""Bytes that may be held in memory to bring a file into log order."""
+ROSBAG2_RECORD = "rosbag2"
+"""The name of the metadata record that holds what `metadata.yaml` says."""
 
 _UNREADABLE = (McapError, struct.error, ValueError)
 
@@ -33,55 +39,6 @@ _MOST_RECORDS = 500_000  # of a chunk
 
 _FOOTER = struct.Struct("<BQQQI8s")
 _FOOTER_OPCODE, _FOOTER_CONTENT_BYTES, _SUMMARY_CRC_BYTES = 2, 20, 12
-
-
-class Recorded(NamedTuple):
-    """One message of a recording; `data` as stored, `content` decoded."""
-
-    topic: str
-    definition: MessageDefinition
-    data: bytes
-    log_time_ns: int
-    publish_time_ns: int
-
-    @property
-    def content(self) -> Any:
-        """Return the message as an object with the fields of its type (from JSON: as parsed).
-
-        Raises:
-            BagError: it cannot be decoded; names the topic and the log time.
-        """
-        try:
-            return _decoder(self.definition)(self.data)
-        except Exception as error:  # the decoder raises whatever malformed bytes lead it to
-            raise self.problem(f"{type(error).__name__} {error}", "leave this topic out or record it again") from error
-
-    @property
-    def text(self) -> str:
-        """Return the text of a std_msgs/String.
-
-        Raises:
-            BagError: it cannot be decoded, or is no such message.
-        """
-        text = getattr(self.content, "data", None)
-        if not isinstance(text, str):
-            raise self.problem("not a text", "leave this topic out or record it again")
-        return text
-
-    def problem(self, reason: str, remedy: str) -> BagError:
-        """Return an error about this message, in one line."""
-        return BagError(legible(f"{self.topic} at log time {self.log_time_ns} ns: {reason}"), remedy)
-
-
-@lru_cache(maxsize=64)
-def _decoder(definition: MessageDefinition) -> Callable[[bytes], Any]:
-    if definition.message_encoding == "json":
-        return msgspec.json.decode
-    schema = Schema(id=1, name=definition.name, encoding=definition.schema_encoding, data=definition.text.encode())
-    decoder: Callable[[bytes], Any] | None = DecoderFactory().decoder_for(definition.message_encoding, schema)
-    if decoder is None:
-        raise ValueError(f"no decoder for {definition.message_encoding} after {definition.schema_encoding}")
-    return decoder
 
 
 class _BoundedStream:
@@ -140,11 +97,12 @@ def _decompress(chunk: Any, path: Path) -> bytes:
             case "":
                 content: bytes = chunk.data
             case "zstd":
-                content = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
+                frames = zstandard.ZstdDecompressor().stream_reader(chunk.data, read_across_frames=True)
+                content = frames.read(size + 1)
             case "lz4":
-                content = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+                content = _lz4_frames(chunk.data, size + 1)
             case other:
-                raise BagError(f"{path}: unknown compression {other!r}", "rewrite it with zstd, lz4 or none")
+                raise BagError(f"{path}: unknown compression {other!r}", CONVERT)
     except (zstandard.ZstdError, RuntimeError) as error:
         raise ValueError(str(error)) from None
     if len(content) != size or (chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc):
@@ -152,70 +110,23 @@ def _decompress(chunk: Any, path: Path) -> bytes:
     return content
 
 
-class McapFile:
-    """One MCAP file, read from front to back as often as wanted; its state is known once it was scanned.
+def _lz4_frames(data: bytes, most_bytes: int) -> bytes:
+    content = b""
+    while data and len(content) < most_bytes:
+        frame = lz4.frame.LZ4FrameDecompressor()
+        content += frame.decompress(data, max_length=most_bytes - len(content))
+        data = frame.unused_data or b""
+    return content
+
+
+class McapFile(RecordedFile):
+    """An MCAP file, as it is or compressed as a whole; see `RecordedFile`.
 
     Attributes:
-        path: the file.
-        size: in bytes, when it was scanned; a file that grows is read up to there.
-        statistics: what it holds.
-        closed: whether its end is there.
-        indexed: whether it has an index of chunks.
-        lost_bytes: how much of it is unreadable.
-        lost_messages: how many messages are known to be lost: by its summary, or of those that `expected_messages`
-            said it holds. A file that was cut before it was closed cannot tell.
-        error: why nothing of it can be read; else None.
+        has_extras: whether it holds attachments or metadata records.
     """
 
-    def __init__(self, path: Path, expected_messages: int = 0) -> None:
-        self.path = path
-        self.size = 0
-        self.statistics = ChannelStatistics()
-        self.closed = False
-        self.indexed = False
-        self.lost_bytes = 0
-        self.lost_messages = 0
-        self.error: BagError | None = None
-        self._expected_messages = expected_messages
-        self._inode = 0
-
-    @property
-    def damage(self) -> str | None:
-        """Return what is wrong with the file, in a clause; None if nothing is."""
-        if self.error:
-            return self.error.reason.replace(str(self.path), self.path.name)
-        faults = [
-            *(["was not closed"] * (not self.closed)),
-            *([f"has {self.lost_bytes} unreadable bytes"] * (self.lost_bytes > 0)),
-            *([f"lacks {self.lost_messages} messages"] * (self.lost_messages > 0)),
-        ]
-        return f"{self.path.name} {' and '.join(faults)}" if faults else None
-
-    @property
-    def lossy(self) -> bool:
-        """Return whether something that was written cannot be read."""
-        return self.lost_bytes > 0 or self.lost_messages > 0 or self.error is not None
-
-    def scan(self) -> None:
-        """Read the file through and set the attributes that describe its state."""
-        statistics = ChannelStatistics()
-        try:
-            status = self.path.stat()
-            self.size, self._inode = status.st_size, status.st_ino
-            for topic, definition, _, log_time_ns, _ in self.stored():
-                statistics.add(topic, definition, log_time_ns)
-            self.statistics = statistics
-            summary = self.summary()
-        except FileNotFoundError:
-            self.error = BagError(f"{self.path} is missing", "put it back, or go on without it")
-        except OSError as error:
-            self.error = BagError(f"{self.path}: {error.strerror or error}", "give a file that can be read")
-        except BagError as error:
-            self.error = error
-            self.lost_bytes = self.size
-        else:
-            self._expected_messages = summary.message_count if summary else self._expected_messages
-        self.lost_messages = max(0, self._expected_messages - self.statistics.message_count)
+    has_extras = False
 
     def stored(self) -> Iterator[Recorded]:
         """Yield every readable message in the order of the file.
@@ -224,44 +135,55 @@ class McapFile:
             BagError: not an MCAP file, or one that claims absurd sizes.
             OSError: the file cannot be read.
         """
-        channels = _Channels()
-        indexed = ended = False
-        lost_bytes = 0
-        with self.path.open("rb") as stream:
+        contents, lost_bytes = _Contents(), 0
+        with self._plain_path.open("rb") as stream:
             source = _BoundedStream(stream, self._readable_bytes(stream), self.path)
             self._check_magic(source)
             for record in source.records():
-                ended |= isinstance(record, DataEnd)
-                indexed |= isinstance(record, ChunkIndex)
+                contents.note(record)
                 if isinstance(record, Chunk):
-                    lost_bytes += yield from self._unpack(record, channels)
-                elif recorded := channels.take(record):
+                    lost_bytes += yield from self._unpack(record, contents.channels)
+                elif recorded := contents.channels.take(record):
                     yield recorded
-        self.closed, self.indexed = source.complete, indexed
-        self.lost_bytes = lost_bytes + channels.lost_bytes + (0 if ended else source.size - source.intact)
+        channels = contents.channels
+        self.closed, self.indexed = source.complete, contents.indexed
+        self.lost_bytes = lost_bytes + channels.lost_bytes + (0 if contents.ended else source.size - source.intact)
+        self.channels, self.has_extras = channels.described, contents.has_extras
+        self.rewritten = (*self._packed, *channels.rewritten())
+        chunked_anew = not contents.form.compression and (self._packed or channels.compressed_count)
+        self.form = contents.form._replace(compression="zstd") if chunked_anew else contents.form
 
-    def ordered(self, topics: Collection[str] | None = None) -> Iterator[Recorded]:
-        """Yield messages of a scanned file in log order (those of one time in file order), of all or the named topics.
+    def extras(self) -> Iterator[Attachment | Metadata]:
+        """Yield attachments and metadata records, without rosbag2's own, which says what is in the file.
 
         Raises:
-            BagError: too far out of order to be sorted in memory.
+            OSError: the file cannot be read.
         """
-        held: list[tuple[int, int, Recorded]] = []
-        held_bytes = newest_ns = 0
-        for ordinal, recorded in enumerate(self.stored()):
-            # The scan found how late a message can come: one older than that by now is not overtaken any more.
-            newest_ns = max(newest_ns, recorded.log_time_ns)
-            if topics is None or recorded.topic in topics:
-                heapq.heappush(held, (recorded.log_time_ns, ordinal, recorded))
-                held_bytes += len(recorded.data)
-            if held_bytes > MAX_REORDERED_BYTES:
-                raise BagError(f"{self.path}: messages too far out of log order", "sort it by log time first")
-            while held and held[0][0] <= newest_ns - self.statistics.lateness_ns:
-                _, _, oldest = heapq.heappop(held)
-                held_bytes -= len(oldest.data)
-                yield oldest
-        while held:
-            yield heapq.heappop(held)[2]
+        if not self.has_extras:
+            return
+        with self._plain_path.open("rb") as stream:
+            source = _BoundedStream(stream, self._readable_bytes(stream), self.path)
+            self._check_magic(source)
+            yield from filter(_is_extra, source.records())
+
+    def stated_form(self) -> FileForm:
+        """Return what the file states of itself before its first message.
+
+        Raises:
+            OSError: the file cannot be read.
+        """
+        contents = _Contents()
+        with self._plain_path.open("rb") as stream:
+            source = _BoundedStream(stream, self._readable_bytes(stream), self.path)
+            if source.size >= len(MCAP0_MAGIC) and source.read(len(MCAP0_MAGIC)) == MCAP0_MAGIC:
+                for record in takewhile(lambda one: isinstance(one, Header | Metadata), source.records()):
+                    contents.note(record)
+        return contents.form
+
+    def stated_messages(self) -> int | None:
+        """Return how many messages the file states at its end that it holds; None if it was not closed."""
+        summary = self.summary()
+        return summary.message_count if summary else None
 
     def summary(self) -> ChannelStatistics | None:
         """Read what the file states at its end that it holds, without the rest; None if it was not closed.
@@ -269,7 +191,7 @@ class McapFile:
         Raises:
             OSError: the file cannot be read.
         """
-        with self.path.open("rb") as stream:
+        with self._plain_path.open("rb") as stream:
             size = self._readable_bytes(stream)
             if size < _FOOTER.size:
                 return None
@@ -298,8 +220,8 @@ class McapFile:
 
     def _readable_bytes(self, stream: BinaryIO) -> int:
         """Return its size when scanned, or its present one if it was not scanned or was compressed since."""
-        status = os.fstat(stream.fileno())
-        return self.size if self._inode == status.st_ino else status.st_size
+        now, scanned = os.fstat(stream.fileno()), self._when_scanned
+        return scanned.st_size if scanned and scanned.st_ino == now.st_ino else now.st_size
 
     def _check_magic(self, source: _BoundedStream) -> None:
         if source.size == 0:
@@ -333,13 +255,59 @@ def _plausible_bytes(content: bytes) -> int:
     return min(position, len(content))
 
 
+def _is_extra(record: Any) -> bool:
+    return isinstance(record, Attachment) or (isinstance(record, Metadata) and record.name != ROSBAG2_RECORD)
+
+
+class _Contents:
+    """What a file holds beside its messages, as far as it was read."""
+
+    def __init__(self) -> None:
+        self.channels = _Channels()
+        self.form = FileForm()
+        self.indexed = self.ended = self.has_extras = False
+
+    def note(self, record: Any) -> None:
+        """Take account of a record that stands outside of chunks."""
+        self.ended |= isinstance(record, DataEnd)
+        self.indexed |= isinstance(record, ChunkIndex)
+        self.has_extras |= _is_extra(record)
+        if isinstance(record, Header):
+            self.form = self.form._replace(profile=record.profile)
+        elif isinstance(record, Chunk):
+            self.form = self.form._replace(compression=record.compression)
+        elif isinstance(record, Metadata) and record.name == ROSBAG2_RECORD:
+            try:
+                stated = _yaml.decode(record.metadata["serialized_metadata"].encode(), Any)
+            except (KeyError, ValueError, msgspec.DecodeError):  # of another recorder
+                return
+            if origin := stated_origin(stated):
+                self.form = self.form._replace(ros_distro=origin[0], custom_data=origin[1])
+
+
 class _Channels:
     """The schemas and channels read so far from a file, by which its messages are understood."""
 
     def __init__(self) -> None:
         self._schemas: dict[int, Any] = {0: Schema(id=0, name="", encoding="", data=b"")}
         self._channels: dict[int, tuple[str, MessageDefinition]] = {}
+        self._used_schemas = {0}
+        self.compressed_count = 0
         self.lost_bytes = 0
+
+    @property
+    def described(self) -> tuple[tuple[str, MessageDefinition], ...]:
+        """Return topic and definition of each channel, whether or not it has messages."""
+        return tuple(self._channels.values())
+
+    def rewritten(self) -> Iterator[str]:
+        """Yield what is another when channels and messages are written anew, a clause each."""
+        if self.compressed_count:
+            yield f"{self.compressed_count} messages, compressed one by one, are now compressed in chunks"
+        if doubled := len(self._channels) - len(set(self._channels.values())):
+            yield f"{doubled} channels are one with others of the same topic and type"
+        if unused := len(self._schemas.keys() - self._used_schemas):
+            yield f"{unused} schemas of no channel are left out"
 
     def take(self, record: Any) -> Recorded | None:
         """Store a schema or a channel; return a message, unless its channel was lost."""
@@ -347,22 +315,32 @@ class _Channels:
             self._schemas[record.id] = record
         elif isinstance(record, Channel) and record.schema_id in self._schemas:
             self._channels[record.id] = (record.topic, _definition(record, self._schemas[record.schema_id]))
+            self._used_schemas.add(record.schema_id)
         elif isinstance(record, Message):
             if record.channel_id in self._channels:
-                topic, definition = self._channels[record.channel_id]
-                return Recorded(topic, definition, record.data, record.log_time, record.publish_time)
+                return self._message(record, *self._channels[record.channel_id])
             self.lost_bytes += len(record.data)
         return None
 
+    def _message(self, record: Any, topic: str, definition: MessageDefinition) -> Recorded | None:
+        data = record.data
+        if is_compressed(definition, data):
+            self.compressed_count += 1
+            try:
+                data = decompressed(data)
+            except ValueError:
+                self.lost_bytes += len(data)
+                return None
+        return Recorded(topic, definition, data, record.log_time, record.publish_time, record.sequence)
+
     def statistics(self, record: Any) -> ChannelStatistics | None:
         """Return what a file holds by its Statistics record; None if that names channels the file does not describe."""
-        counts: dict[tuple[str, MessageDefinition], int] = {}
+        counts = dict.fromkeys(self._channels.values(), 0)
         for channel, count in record.channel_message_counts.items():
             if channel not in self._channels:
                 return None
-            if count:
-                counts[self._channels[channel]] = counts.get(self._channels[channel], 0) + count
-        first_ns = record.message_start_time if counts else None
+            counts[self._channels[channel]] += count
+        first_ns = record.message_start_time if any(counts.values()) else None
         return ChannelStatistics(counts, first_ns, record.message_end_time)
 
 
@@ -374,4 +352,7 @@ def _definition(channel: Any, schema: Any) -> MessageDefinition:
         offered_qos_profiles=channel.metadata.get("offered_qos_profiles", ""),
         schema_encoding=schema.encoding,
         message_encoding=channel.message_encoding,
+        metadata=tuple(
+            (k, v) for k, v in channel.metadata.items() if k not in ("topic_type_hash", "offered_qos_profiles")
+        ),
     )

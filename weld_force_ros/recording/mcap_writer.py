@@ -7,12 +7,20 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from mcap.writer import Writer
+from mcap.records import Attachment, Metadata
+from mcap.writer import CompressionType, Writer
 
 from weld_force_ros._files import whole_file
 from weld_force_ros.errors import BagError
-from weld_force_ros.recording.mcap_reader import McapFile, Recorded
-from weld_force_ros.recording.rosbag2_format import ChannelStatistics, MessageDefinition, information, to_yaml
+from weld_force_ros.recording.mcap_reader import ROSBAG2_RECORD, McapFile
+from weld_force_ros.recording.recorded import Recorded
+from weld_force_ros.recording.rosbag2_format import (
+    ChannelStatistics,
+    FileForm,
+    MessageDefinition,
+    information,
+    to_yaml,
+)
 
 _FORCED_BYTES = 8 * 2**20  # of a whole file, at a time
 
@@ -74,21 +82,28 @@ class AppendFile:
 class McapWriter:
     """Writes an MCAP file and registers channels as they come."""
 
-    def __init__(self, stream: BinaryIO | AppendFile, *, chunked: bool, profile: str = "ros2") -> None:
+    def __init__(self, stream: BinaryIO | AppendFile, *, chunked: bool, form: FileForm) -> None:
         self.statistics = ChannelStatistics()
         self._chunked = chunked
         self._schemas: dict[tuple[str, str, str], int] = {}
         self._channels: dict[tuple[str, MessageDefinition], int] = {}
-        self._writer = Writer(stream, use_chunking=chunked)
-        self._writer.start(profile)
+        compression = CompressionType[form.compression.upper() or "NONE"]
+        self._writer = Writer(stream, use_chunking=chunked, compression=compression)
+        self._writer.start(form.profile)
 
     def add(
-        self, topic: str, definition: MessageDefinition, data: bytes, log_time_ns: int, publish_time_ns: int
+        self,
+        topic: str,
+        definition: MessageDefinition,
+        data: bytes,
+        log_time_ns: int,
+        publish_time_ns: int,
+        sequence: int = 0,
     ) -> None:
         """Write one message."""
-        channel = self._channels.get((topic, definition)) or self._register(topic, definition)
+        channel = self._channels.get((topic, definition)) or self.register(topic, definition)
         try:
-            self._writer.add_message(channel, log_time_ns, data, publish_time_ns)
+            self._writer.add_message(channel, log_time_ns, data, publish_time_ns, sequence)
         except OSError:
             # The library counted the message before it wrote it.
             counted = self._writer._Writer__statistics
@@ -98,14 +113,15 @@ class McapWriter:
             raise
         self.statistics.add(topic, definition, log_time_ns)
 
-    def _register(self, topic: str, definition: MessageDefinition) -> int:
+    def register(self, topic: str, definition: MessageDefinition) -> int:
+        """Write the description of a channel, and return its number."""
         described = (definition.name, definition.schema_encoding, definition.text)
         schema = self._schemas.get(described)
         if schema is None:
             text = definition.text.encode(errors="surrogateescape")
             schema = self._writer.register_schema(definition.name, definition.schema_encoding, text)
         metadata = {"offered_qos_profiles": definition.offered_qos_profiles, "topic_type_hash": definition.type_hash}
-        present = {key: value for key, value in metadata.items() if value}
+        present = {key: value for key, value in metadata.items() if value} | dict(definition.metadata)
         channel: int = self._writer.register_channel(topic, definition.message_encoding, schema, present)
         if not self._chunked:
             # A channel counts as registered only once it is in the file, or a full disk would orphan its messages.
@@ -113,31 +129,50 @@ class McapWriter:
         self._schemas[described], self._channels[topic, definition] = schema, channel
         return channel
 
+    def add_extra(self, record: Attachment | Metadata) -> None:
+        """Write an attachment or a metadata record as another file has it."""
+        if isinstance(record, Metadata):
+            self._writer.add_metadata(record.name, record.metadata)
+        else:
+            self._writer.add_attachment(
+                record.create_time, record.log_time, record.name, record.media_type, record.data
+            )
+
     def write_metadata_record(self, content: dict[str, Any]) -> None:
         """Write rosbag2's metadata record."""
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": to_yaml(content)})
+        self._writer.add_metadata(ROSBAG2_RECORD, {"serialized_metadata": to_yaml(content)})
 
     def finish(self) -> None:
         """Write the end of the file: summary, index and footer."""
         self._writer.finish()
 
 
-def write_mcap(path: Path, messages: Iterable[Recorded], statistics: ChannelStatistics) -> None:
+def write_mcap(
+    path: Path,
+    messages: Iterable[Recorded],
+    statistics: ChannelStatistics,
+    form: FileForm,
+    extras: Iterable[Attachment | Metadata] = (),
+) -> None:
     """Write messages in log order as one compressed, indexed file in rosbag2's form, and read it before it is named.
 
     Args:
         path: the file; one that is there is replaced as a whole.
         messages: in log order.
         statistics: what they are.
+        form: of the file.
+        extras: what the file is to hold beside the messages.
 
     Raises:
         BagError: what was written does not read back.
         OSError: it cannot be written.
     """
     with whole_file(path, fsync=True) as stream:
-        writer = McapWriter(stream, chunked=True)
-        content = information({path.name: statistics})
+        writer = McapWriter(stream, chunked=True, form=form)
+        content = information({path.name: statistics}, form)
         writer.write_metadata_record(content)
+        for record in extras:
+            writer.add_extra(record)
         unforced_bytes = 0
         for recorded in messages:
             writer.add(*recorded)
@@ -146,6 +181,9 @@ def write_mcap(path: Path, messages: Iterable[Recorded], statistics: ChannelStat
                 stream.flush()
                 os.fdatasync(stream.fileno())
                 unforced_bytes = 0
+        for (topic, definition), count in statistics.counts.items():
+            if not count:
+                writer.register(topic, definition)
         writer.write_metadata_record(content)
         writer.finish()
         stream.flush()
@@ -155,7 +193,7 @@ def write_mcap(path: Path, messages: Iterable[Recorded], statistics: ChannelStat
             raise BagError(f"{path}: did not read back as written", "check the disk and try again")
 
 
-def write_metadata(directory: Path, files: Mapping[str, ChannelStatistics]) -> None:
+def write_metadata(directory: Path, files: Mapping[str, ChannelStatistics], form: FileForm) -> None:
     """Write a recording's `metadata.yaml`: its files by name, and what each holds."""
     with whole_file(directory / "metadata.yaml", fsync=True) as stream:
-        stream.write(to_yaml({"rosbag2_bagfile_information": information(files)}).encode())
+        stream.write(to_yaml({"rosbag2_bagfile_information": information(files, form)}).encode())

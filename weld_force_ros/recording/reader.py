@@ -8,12 +8,19 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+from mcap.records import Attachment, Metadata
 
 from weld_force_ros import _yaml
 from weld_force_ros.errors import BagError
 from weld_force_ros.recording.bag_errors import as_bag_error
-from weld_force_ros.recording.mcap_reader import McapFile, Recorded
-from weld_force_ros.recording.rosbag2_format import ChannelStatistics, merged
+from weld_force_ros.recording.mcap_reader import McapFile
+from weld_force_ros.recording.recorded import Recorded
+from weld_force_ros.recording.recorded_file import CONVERT, PACKED, RecordedFile
+from weld_force_ros.recording.rosbag2_format import ChannelStatistics, FileForm, merged, stated_origin
+from weld_force_ros.recording.sqlite3_reader import Sqlite3File
+from weld_force_ros.recording.timeline import Gap
+
+_READERS: dict[str, type[RecordedFile]] = {".mcap": McapFile, ".db3": Sqlite3File}
 
 
 @dataclass(frozen=True)
@@ -41,7 +48,10 @@ class FileSummary:
 
 @dataclass(frozen=True)
 class Summary:
-    """Contents and state of a recording; `damage` is None for one that was closed and is whole."""
+    """Contents and state of a recording; `damage` is None for one that was closed and is whole.
+
+    Durations leave out the `gaps`, times of more than a day without any message.
+    """
 
     path: str
     files: tuple[FileSummary, ...]
@@ -49,6 +59,7 @@ class Summary:
     message_count: int
     start_ns: int
     duration_s: float
+    gaps: tuple[Gap, ...]
     topics: tuple[TopicSummary, ...]
     closed: bool
     indexed: bool
@@ -69,9 +80,9 @@ class Bag:
     def __init__(self, path: Path) -> None:
         """See `open_bag`."""
         self.path = path
-        self.files = _files(path)
+        self.files: list[RecordedFile] = _files(path)
         if not self.files:
-            raise BagError(f"{path} holds no .mcap file", "give a bag folder or an .mcap file")
+            raise BagError(f"{path} holds no .mcap file and no .db3", "give a bag folder or one of its files")
         for file in self.files:
             file.scan()
         errors = [file.error for file in self.files if file.error]
@@ -101,6 +112,13 @@ class Bag:
     def lossy(self) -> bool:
         """Return whether something that was written cannot be read."""
         return any(file.lossy for file in self.files)
+
+    @property
+    def form(self) -> FileForm:
+        """Return what the recording states beside its messages: metadata.yaml first, its first file for the rest."""
+        form = self._readable[0].form
+        origin = stated_origin(metadata_of(self.path)) if self.path.is_dir() else None
+        return form._replace(ros_distro=origin[0], custom_data=origin[1]) if origin else form
 
     @property
     def damage(self) -> str | None:
@@ -133,15 +151,31 @@ class Bag:
             else:
                 heapq.heappop(heads)
 
+    @property
+    def rewritten(self) -> tuple[str, ...]:
+        """Return what of its form is another once its messages are written anew, a clause each."""
+        return tuple(f"{file.path.name}: {clause}" for file in self._readable for clause in file.rewritten)
+
+    def extras(self) -> Iterator[Attachment | Metadata]:
+        """Yield attachments and metadata records of its files, without those of rosbag2, which say what is in a file.
+
+        Raises:
+            OSError: a file cannot be read any more.
+        """
+        for file in self._readable:
+            yield from file.extras()
+
     def summary(self) -> Summary:
         """Return contents and state of the recording."""
+        timeline = self.statistics.timeline
         return Summary(
             path=str(self.path),
             files=tuple(_file_summary(file) for file in self.files),
             size_bytes=sum(file.size for file in self.files),
             message_count=self.statistics.message_count,
             start_ns=self.statistics.start_ns,
-            duration_s=self.statistics.duration_ns * 1e-9,
+            duration_s=timeline.duration_ns * 1e-9,
+            gaps=timeline.gaps,
             topics=tuple(
                 TopicSummary(topic, definition.name, n) for (topic, definition), n in self.statistics.counts.items()
             ),
@@ -153,13 +187,13 @@ class Bag:
         )
 
 
-def _file_summary(file: McapFile) -> FileSummary:
+def _file_summary(file: RecordedFile) -> FileSummary:
     return FileSummary(
         name=file.path.name,
         size_bytes=file.size,
         message_count=file.statistics.message_count,
         start_ns=file.statistics.start_ns,
-        duration_s=file.statistics.duration_ns * 1e-9,
+        duration_s=file.statistics.timeline.duration_ns * 1e-9,
         closed=file.closed,
         indexed=file.indexed,
         damage=file.damage,
@@ -167,9 +201,10 @@ def _file_summary(file: McapFile) -> FileSummary:
 
 
 def open_bag(path: Path) -> Bag:
-    """Open a bag folder or an .mcap file, intact or cut, and read it through once.
+    """Open a bag folder or one of its files, intact or cut, and read it through once.
 
-    A file of several that is missing, empty, no MCAP or claims absurd sizes counts as damage; the others are read.
+    Files are MCAP or, with the extra `foreign`, sqlite3; they or their messages may be compressed by zstd. A file of
+    several that is missing, empty, no recording or claims absurd sizes counts as damage; the others are read.
 
     Raises:
         BagError: no such path, no recording in it, no file that can be read, or cut before its first message.
@@ -178,7 +213,7 @@ def open_bag(path: Path) -> Bag:
 
 
 def stored(path: Path) -> Iterator[Recorded]:
-    """Yield every readable message of a bag folder or an .mcap file, in one pass and in the order of the files.
+    """Yield every readable message of a bag folder or of one file, in one pass and in the order of the files.
 
     A file of a folder of which nothing can be read is passed over; a folder without files gives nothing.
 
@@ -201,35 +236,67 @@ def summary(path: Path) -> Summary:
     return open_bag(path).summary()
 
 
-def listed_files(directory: Path) -> dict[str, int]:
-    """Return the files that metadata.yaml names, with their numbers of messages; none if it is missing or broken.
+def is_recording_file(path: Path) -> bool:
+    """Return whether a file's name is that of a recording."""
+    return _reader_of(path.name) is not None
 
-    After a crash it may be either; names are stripped of folders.
-    """
+
+def metadata_of(directory: Path) -> dict[str, Any]:
+    """Return what metadata.yaml says; nothing if it is missing or broken: after a crash it may be either."""
     try:
-        text = _yaml.read(directory / "metadata.yaml")
-        content = _yaml.decode(text, dict[str, Any])["rosbag2_bagfile_information"]
+        content = _yaml.decode(_yaml.read(directory / "metadata.yaml"), dict[str, Any])["rosbag2_bagfile_information"]
+    except (OSError, ValueError, msgspec.DecodeError, KeyError):
+        return {}
+    return content if isinstance(content, dict) else {}
+
+
+def listed_files(directory: Path) -> dict[str, int]:
+    """Return the files that metadata.yaml names, with their numbers of messages; names are stripped of folders."""
+    content = metadata_of(directory)
+    try:
         names = [Path(name).name for name in content["relative_file_paths"]]
         counts = {Path(file["path"]).name: int(file["message_count"]) for file in content.get("files") or ()}
         return {name: counts.get(name, 0) for name in names if "\0" not in name}
-    except (OSError, ValueError, OverflowError, msgspec.DecodeError, KeyError, TypeError, AttributeError):
+    except (ValueError, OverflowError, KeyError, TypeError, AttributeError):
         return {}
 
 
-def _files(path: Path) -> list[McapFile]:
+def series_of(file_name: str) -> str:
+    """Return the name that the numbered files of a recording share."""
+    return re.sub(r"_\d+\.(mcap|db3)(\.zstd)?$", "", file_name)
+
+
+def _reader_of(file_name: str) -> type[RecordedFile] | None:
+    return _READERS.get(Path(file_name.removesuffix(PACKED)).suffix)
+
+
+def _file(path: Path, message_count: int = 0) -> RecordedFile:
+    return (_reader_of(path.name) or McapFile)(path, message_count)
+
+
+def _files(path: Path) -> list[RecordedFile]:
     if not path.is_dir():
         if not path.exists():
-            raise BagError(f"{path} does not exist", "give a bag folder or an .mcap file")
-        return [McapFile(path)]
+            raise BagError(f"{path} does not exist", "give a bag folder or one of its files")
+        return [_file(path)]
+    _check_compression(path)
     with as_bag_error(path, "give a folder that can be read"):
         # Shorter names first: bag_10.mcap comes after bag_9.mcap.
-        there = sorted(path.glob("*.mcap"), key=lambda file: (len(file.name), file.name))
+        there = sorted(filter(is_recording_file, path.iterdir()), key=lambda file: (len(file.name), file.name))
     listed = listed_files(path)
-    series = {_series(name) for name in (*listed, f"{path.resolve().name}_0.mcap")}
-    unlisted = [file for file in there if file.name not in listed and (not listed or _series(file.name) in series)]
-    return [*(McapFile(path / name, count) for name, count in listed.items()), *map(McapFile, unlisted)]
+    series = {series_of(name) for name in (*listed, f"{path.resolve().name}_0.mcap")}
+    unpacked = {name.removesuffix(PACKED) for name in listed}  # a packed file and what it holds are one
+    unlisted = [
+        file
+        for file in there
+        if file.name.removesuffix(PACKED) not in unpacked and (not listed or series_of(file.name) in series)
+    ]
+    return [*(_file(path / name, count) for name, count in listed.items()), *map(_file, unlisted)]
 
 
-def _series(file_name: str) -> str:
-    """Return the name that the numbered files of a recording share."""
-    return re.sub(r"_\d+\.mcap$", "", file_name)
+def _check_compression(directory: Path) -> None:
+    """Raise a BagError if a recording is compressed otherwise than by zstd."""
+    content = metadata_of(directory)
+    mode, by = content.get("compression_mode"), content.get("compression_format")
+    if mode and str(mode).lower() != "none" and by and by != "zstd":
+        raise BagError(f"{directory} is compressed by {by!r}, {str(mode).lower()} by {str(mode).lower()}", CONVERT)

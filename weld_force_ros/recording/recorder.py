@@ -18,11 +18,18 @@ from weld_force_ros.recording.compaction import KEPT, Compactor
 from weld_force_ros.recording.disk_space import DISK_FULL, DiskSpace
 from weld_force_ros.recording.disk_sync import DiskSync
 from weld_force_ros.recording.folder_lock import lock_folder
+from weld_force_ros.recording.identity import recording_in, with_identity
 from weld_force_ros.recording.mcap_reader import McapFile
 from weld_force_ros.recording.mcap_writer import AppendFile, McapWriter
 from weld_force_ros.recording.metadata_file import MetadataFile
 from weld_force_ros.recording.reader import listed_files
-from weld_force_ros.recording.rosbag2_format import MAX_RECORD_BYTES, ChannelStatistics, MessageDefinition, information
+from weld_force_ros.recording.rosbag2_format import (
+    MAX_RECORD_BYTES,
+    ChannelStatistics,
+    FileForm,
+    MessageDefinition,
+    information,
+)
 
 SPLIT_BYTES = 256 * 2**20
 SPLIT_S = 3600.0
@@ -62,7 +69,8 @@ class Recorder:
         with the first message for which there is room.
 
         Args:
-            directory: the bag's folder; one that exists must be a recording, and no other process may write to it.
+            directory: the bag's folder; one that exists must be a recording of this suite, whatever it was called
+                before, and no other process may write to it.
             split_bytes: a file that would grow larger is completed, and another begun.
             split_s: likewise one whose first message was written so long ago.
             reserve_bytes: what is left free on the disk.
@@ -73,7 +81,6 @@ class Recorder:
             DiskFullError: there is no room for the folder.
         """
         self.directory = directory
-        self._name = directory.resolve().name
         self._split_bytes, self._split_s = split_bytes, split_s
         self._lock = threading.Lock()
         self._closed = False
@@ -82,10 +89,12 @@ class Recorder:
         self._check_again_s = 0.0
         with as_bag_error(directory, "choose another place"):
             self._handle = lock_folder(directory, say)
+            new = with_identity(FileForm(ros_distro="jazzy")), directory.resolve().name
+            self._form, self._name = recording_in(directory) or new
             self._space = DiskSpace(directory, reserve_bytes)
             self._sync = DiskSync()
-            self._metadata_file = MetadataFile(directory)
-            self._compactor = Compactor(self._metadata_file, self._space)
+            self._metadata_file = MetadataFile(directory, self._form)
+            self._compactor = Compactor(self._metadata_file, self._space, self._form)
             try:
                 self._number = self._take_over()
                 self.path = self._next_path()
@@ -232,7 +241,7 @@ class Recorder:
 
     def _begin(self) -> "_OpenFile":
         self.path = self._next_path()
-        self._file = file = _OpenFile(self.path)
+        self._file = file = _OpenFile(self.path, self._form)
         self._number += 1
         self._sync.follow(file.stream)
         sync_folder(self.directory)
@@ -314,16 +323,17 @@ class Recorder:
 class _OpenFile:
     """A file of a recording that is written to, message by message and without compression."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, form: FileForm) -> None:
         self.path = path
+        self._form = form
         self.first_s = 0.0
         """The monotonic clock's time at which its first message was written."""
         self._newest_ns: dict[str, int] = {}
         self._end = b""
         self.stream = AppendFile(path)
         try:
-            self._writer = McapWriter(self.stream, chunked=False)
-            self._writer.write_metadata_record(information({path.name: ChannelStatistics()}))
+            self._writer = McapWriter(self.stream, chunked=False, form=form)
+            self._writer.write_metadata_record(information({path.name: ChannelStatistics()}, form))
             self.stream.sync()
         except OSError:
             self.discard()
@@ -365,7 +375,7 @@ class _OpenFile:
         """Write the end of the file: all of it or, with an OSError, nothing; then it may be tried again."""
         if not self._end:
             with self.stream.gathering() as end:
-                self._writer.write_metadata_record(information({self.path.name: self.statistics}))
+                self._writer.write_metadata_record(information({self.path.name: self.statistics}, self._form))
                 self._writer.finish()
             self._end = bytes(end)
         self.stream.write(self._end)

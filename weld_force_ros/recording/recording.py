@@ -27,7 +27,7 @@ class Recording:
     """The contract messages of a bag in log order.
 
     Attributes:
-        path: the bag folder or .mcap file.
+        path: the bag folder or file.
         damage: what is wrong with its files, in a clause; None if nothing is.
         profiles: by weld and `profile_sha256`, as two welds may have the same geometry.
         settings: by `config_sha256`.
@@ -58,7 +58,7 @@ class Recording:
 
 
 def open_recording(path: Path) -> Recording:
-    """Read a bag folder or an .mcap file, intact or cut, and sort its messages by kind.
+    """Read a bag folder or one of its files, intact or cut, and sort its messages by kind.
 
     Raises:
         BagError: not a readable bag, or one without a message of this package.

@@ -7,8 +7,15 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from weld_force_ros.recording.timeline import Timeline
+
 MAX_RECORD_BYTES = 64 * 2**20
 """The largest record, and the largest chunk once decompressed, that is read; messages up to half of it are written."""
+
+
+_DAY_NS = 24 * 3600 * 10**9
+
+UNKNOWN_DISTRO = "unknown"
 
 
 class MessageDefinition(NamedTuple):
@@ -21,6 +28,7 @@ class MessageDefinition(NamedTuple):
         offered_qos_profiles: YAML, a list; see `offered_qos`.
         schema_encoding: how `text` is written.
         message_encoding: how messages are written; a bag has one encoding.
+        metadata: what else the channel states, by name.
     """
 
     name: str
@@ -29,6 +37,23 @@ class MessageDefinition(NamedTuple):
     offered_qos_profiles: str = ""
     schema_encoding: str = "ros2msg"
     message_encoding: str = "cdr"
+    metadata: tuple[tuple[str, str], ...] = ()
+
+
+class FileForm(NamedTuple):
+    """What a recording states beside its messages.
+
+    Attributes:
+        profile: of the MCAP file; `ros2` is rosbag2's.
+        compression: of its chunks: `zstd`, `lz4` or none.
+        ros_distro: the distribution that it was recorded with.
+        custom_data: what else its `metadata.yaml` holds, by name.
+    """
+
+    profile: str = "ros2"
+    compression: str = "zstd"
+    ros_distro: str = UNKNOWN_DISTRO
+    custom_data: tuple[tuple[str, str], ...] = ()
 
 
 def to_yaml(content: object) -> str:
@@ -76,12 +101,14 @@ class ChannelStatistics:
         first_ns: the earliest log time; None without messages.
         last_ns: the latest log time.
         lateness_ns: how far back in time a message lies, at most, behind one stored before it.
+        days: the earliest and the latest log time of each day that has messages, by days since the epoch.
     """
 
     counts: dict[tuple[str, MessageDefinition], int] = field(default_factory=dict)
     first_ns: int | None = None
     last_ns: int = 0
     lateness_ns: int = 0
+    days: dict[int, tuple[int, int]] = field(default_factory=dict)
 
     def add(self, topic: str, definition: MessageDefinition, log_time_ns: int) -> None:
         """Count one message."""
@@ -89,6 +116,18 @@ class ChannelStatistics:
         self.first_ns = log_time_ns if self.first_ns is None else min(self.first_ns, log_time_ns)
         self.last_ns = max(self.last_ns, log_time_ns)
         self.lateness_ns = max(self.lateness_ns, self.last_ns - log_time_ns)
+        self.extend_day(log_time_ns, log_time_ns)
+
+    def extend_day(self, first_ns: int, last_ns: int) -> None:
+        """Take account of messages between two log times of one day."""
+        day = first_ns // _DAY_NS
+        known_first, known_last = self.days.get(day, (first_ns, last_ns))
+        self.days[day] = min(known_first, first_ns), max(known_last, last_ns)
+
+    @property
+    def timeline(self) -> Timeline:
+        """Return the log times without gaps; known of files that were read through."""
+        return Timeline(self.days.values())
 
     @property
     def message_count(self) -> int:
@@ -115,10 +154,12 @@ def merged(parts: Iterable[ChannelStatistics]) -> ChannelStatistics:
         if statistics.first_ns is not None:
             whole.first_ns = statistics.first_ns if whole.first_ns is None else min(whole.first_ns, statistics.first_ns)
             whole.last_ns = max(whole.last_ns, statistics.last_ns)
+        for first_ns, last_ns in statistics.days.values():
+            whole.extend_day(first_ns, last_ns)
     return whole
 
 
-def information(files: Mapping[str, ChannelStatistics]) -> dict[str, Any]:
+def information(files: Mapping[str, ChannelStatistics], form: FileForm) -> dict[str, Any]:
     """Return rosbag2's metadata, version 9, of a bag with these files by name."""
     whole = merged(files.values())
     return {
@@ -142,9 +183,18 @@ def information(files: Mapping[str, ChannelStatistics]) -> dict[str, Any]:
         "compression_mode": "",
         "relative_file_paths": list(files),
         "files": [{"path": name, **_extent(statistics)} for name, statistics in files.items()],
-        "custom_data": None,
-        "ros_distro": "jazzy",
+        "custom_data": dict(form.custom_data) or None,
+        "ros_distro": form.ros_distro,
     }
+
+
+def stated_origin(content: Any) -> tuple[str, tuple[tuple[str, str], ...]] | None:
+    """Return distribution and custom data that rosbag2's metadata state; None if they are none."""
+    if not isinstance(content, dict):
+        return None
+    distro, custom = content.get("ros_distro"), content.get("custom_data")
+    pairs = custom.items() if isinstance(custom, dict) else ()
+    return distro if isinstance(distro, str) and distro else UNKNOWN_DISTRO, tuple((str(k), str(v)) for k, v in pairs)
 
 
 def _extent(statistics: ChannelStatistics) -> dict[str, Any]:

@@ -265,7 +265,7 @@ def export_tables(
     """Write verdicts, criteria, force maps, profiles and rejections as tables to a new folder.
 
     Args:
-        source: a bag folder or an .mcap file.
+        source: a bag folder or one of its files.
         target: the new folder; must not exist.
         formats: one or more of `FORMATS`.
         on_invalid: called with the error of each message that breaks the contract.

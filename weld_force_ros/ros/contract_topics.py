@@ -46,6 +46,7 @@ _FROM_ANYBODY: tuple[type[Message], ...] = (WeldProfile, WeldMarker)
 _MAX_NAME = 200
 _CLOSE_S = 5.0
 _CDR_OVERHEAD_BYTES = 64
+_LIVE_NS = 5 * 10**9  # a publisher waits for a slow subscriber for less
 
 
 class Incoming(NamedTuple):
@@ -57,6 +58,7 @@ class Incoming(NamedTuple):
         text: its JSON.
         header: its publisher and sequence number; None if not even they can be read.
         repeated: whether it had arrived before.
+        replayed: whether it is played from a recording: it was sent long after it was stamped.
     """
 
     kind: type[Message]
@@ -64,6 +66,7 @@ class Incoming(NamedTuple):
     text: str
     header: Header | None
     repeated: bool
+    replayed: bool = False
 
     @property
     def publisher(self) -> str:
@@ -261,7 +264,16 @@ class ContractTopics:
         header = read_header(text)
         repeated = header is not None and self._gaps.note(TOPICS[kind].name, header)
         self.diagnostics.count_received(TOPICS[kind].name)
-        return Incoming(kind, serialized, text, header, repeated)
+        return Incoming(kind, serialized, text, header, repeated, self._is_replayed(header, serialized))
+
+    def _is_replayed(self, header: Header | None, serialized: SerializedMessage) -> bool:
+        """Return whether a message was sent long after it was stamped, by the clock of its sender.
+
+        Simulated time says nothing of when a message is sent, and messages of others may have no stamp.
+        """
+        stamped_ns = header.stamped_ns if header is not None else 0
+        simulated = bool(self._node.get_parameter("use_sim_time").value)
+        return stamped_ns > 0 and not simulated and serialized.sent_ns - stamped_ns > _LIVE_NS
 
     def resume(self, kind: type[Message], text: str) -> None:
         """Account for a message that an earlier process of this node recorded."""

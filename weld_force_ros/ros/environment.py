@@ -1,17 +1,24 @@
-"""Check and complete the environment variables of ROS: what is wrong is said in one line, before it starts."""
+"""Check and complete what ROS starts with, its variables and its extensions: what is wrong is said in one line."""
 
+import io
 import os
 import socket
 import sys
 import tempfile
+from collections.abc import Iterable
+from contextlib import redirect_stderr
+from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import platformdirs
 
 from weld_force_ros.errors import InputError
 
 LOCALHOST_ONLY = "LOCALHOST"
 _MAX_DOMAIN_ID = 232  # above, the ports of Fast DDS run out
+
+_MESSAGE_PACKAGES = ("std_msgs", "geometry_msgs", "sensor_msgs", "diagnostic_msgs")
 
 
 def prepare() -> None:
@@ -24,6 +31,27 @@ def prepare() -> None:
     _check_domain()
     _check_middleware()
     _prepare_log_folder()
+
+
+def check_message_extensions(packages: Iterable[str] = _MESSAGE_PACKAGES) -> None:
+    """Load the compiled parts of ROS messages, which are built against one major version of NumPy.
+
+    Those of Ubuntu 24.04 are built against NumPy 1; rclpy itself says no more than that a type support is missing.
+
+    Raises:
+        InputError: they do not fit the NumPy that is imported, or are not there.
+    """
+    for package in packages:
+        try:
+            with redirect_stderr(io.StringIO()):  # NumPy explains itself there in forty lines
+                import_module(f"{package}.{package}_s__rosidl_typesupport_c")
+        except (ImportError, AttributeError, SystemError) as error:
+            raise InputError(
+                f"the message extensions of ROS ({package}) do not fit NumPy {np.__version__} in {sys.prefix}: "
+                f"{' '.join(str(error).split())}",
+                "with ROS from apt: `pip uninstall numpy` in a venv with --system-site-packages, so that apt's is used "
+                "(docs/ros-from-apt.md)",
+            ) from None
 
 
 def stay_on_this_machine() -> None:

@@ -95,6 +95,7 @@ class NodeSuite:
 
     def __enter__(self) -> Self:
         environment.prepare()
+        environment.check_message_extensions()
         environment.stay_on_this_machine()
         self._start_ros()
         self._executor = SingleThreadedExecutor(context=self._context)

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from weld_force_ros.errors import InputError
-from weld_force_ros.recording import Recorded, open_bag
+from weld_force_ros.recording import GAP_NS, Recorded, gap_in_words, open_bag
 from weld_force_ros.ros import environment
 from weld_force_ros.ros.playback_plan import PlaybackOptions, PlaybackPlan
 from weld_force_ros.ros.playback_sink import RosSink
@@ -68,6 +68,8 @@ def play_messages(
 ) -> None:
     """Play messages once: first, at once, the latched ones before the start, then each at its time or late.
 
+    After a gap, more than a day without a message, the next one comes at once.
+
     The sink gets the time before each message, and at least every `CLOCK_PERIOD_S` between; it never goes back.
 
     Args:
@@ -79,6 +81,7 @@ def play_messages(
     """
     sink.set_time(start_ns)
     clock.set(start_ns)
+    before_ns = start_ns
     for message in messages:
         if stop.is_set():
             return
@@ -87,6 +90,9 @@ def play_messages(
                 sink.send(message)
             clock.set(start_ns)  # however long it took
             continue
+        if message.log_time_ns - before_ns > GAP_NS:
+            clock.set(message.log_time_ns)
+        before_ns = message.log_time_ns
         while (left_s := clock.seconds_until(message.log_time_ns)) > 0:
             clock.sleep(min(left_s, CLOCK_PERIOD_S))
             if stop.is_set():
@@ -114,7 +120,7 @@ def play(
     publisher waits for it, up to the bound of `serialized_messages.RecordedPublisher`.
 
     Args:
-        path: a bag folder or an .mcap file; a cut one is played up to the cut.
+        path: a bag folder or one of its files; a cut one is played up to the cut.
         options: what of it to play, and how fast.
         stop: set by another thread or a signal to end cleanly.
         report: called with one line for what is not played and why, and for topics without a subscriber at the start.
@@ -136,22 +142,27 @@ def play(
         report(f"{path}: {bag.damage}; playing what is there")
     plan = PlaybackPlan(bag, options)
     clock = PlaybackClock(options.rate, now, sleep or stop.wait)
-    start_ns = plan.start_ns + round(options.start_offset_s * 1e9)
+    for gap in plan.timeline.gaps:
+        report(gap_in_words(gap))
+    start_ns = plan.timeline.log_time_ns(round(options.start_offset_s * 1e9))
     with _node(domain_id) as node:
         sink = RosSink(node, plan, options, report, on_time)
         sink.await_subscribers(discovery_s, stop)
+        sink.report_live_publishers()
         while not stop.is_set():
             play_messages(plan.messages(), start_ns, sink, clock, stop)
             if not options.loop:
                 break
             clock.sleep(CLOCK_PERIOD_S)  # a recording of one moment would otherwise be played without pause
         sink.await_acknowledgement()
+        sink.report_live_publishers()  # those that were not discovered before
     return sink.sent
 
 
 @contextmanager
 def _node(domain_id: int | None) -> Iterator[Node]:
     environment.prepare()
+    environment.check_message_extensions()
     environment.stay_on_this_machine()
     context = rclpy.Context()
     try:

@@ -58,6 +58,7 @@ class PlaybackPlan:
     Attributes:
         start_ns: log time of the first message of all.
         end_ns: log time of the last.
+        timeline: the times between, without gaps, which are not played.
         channels: size of each channel.
         topics: names of the topics that are to be played.
 
@@ -68,6 +69,7 @@ class PlaybackPlan:
 
     def __init__(self, bag: Bag, options: PlaybackOptions) -> None:
         self._bag = bag
+        self.timeline = bag.statistics.timeline
         self.channels: dict[Channel, ChannelSize] = defaultdict(ChannelSize)
         times: list[int] = []
         for message in bag.messages():
@@ -89,8 +91,8 @@ class PlaybackPlan:
 
     @property
     def duration_s(self) -> float:
-        """Return the time from the first message to the last, in s."""
-        return (self.end_ns - self.start_ns) * 1e-9
+        """Return the time from the first message to the last without gaps, in s."""
+        return self.timeline.duration_ns * 1e-9
 
     def messages(self) -> Iterator[Recorded]:
         """Return the messages of the chosen topics in log order."""

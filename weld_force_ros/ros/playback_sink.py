@@ -56,6 +56,7 @@ class RosSink:
         self._published_ns: int | None = None
         self._publishers: dict[Channel, RecordedPublisher] = {}
         self._latched: set[str] = set()
+        self._live_reported = False
         self.sent = 0
         for topic, (message_type, channels) in self._playable().items():
             self._add_publisher(topic, message_type, channels)
@@ -67,7 +68,7 @@ class RosSink:
         if recorded_ns == self._published_ns:
             return
         self._published_ns = recorded_ns
-        self._on_time((recorded_ns - self._plan.start_ns) * 1e-9, self._plan.duration_s)
+        self._on_time(self._plan.timeline.elapsed_ns(recorded_ns) * 1e-9, self._plan.duration_s)
         if self._clock is not None:
             clock = Clock()
             clock.clock.sec, clock.clock.nanosec = divmod(recorded_ns, 10**9)
@@ -96,6 +97,16 @@ class RosSink:
                 return
             if stop.wait(_POLL_S):
                 return
+
+    def report_live_publishers(self) -> None:
+        """Report, once, the topics of the recording that nodes of this graph publish, too: who subscribes gets both."""
+        both = sorted({topic for topic, _ in self._publishers if self._node.count_publishers(topic) > 1})
+        if both and not self._live_reported:
+            self._live_reported = True
+            self._report(
+                f"live nodes publish {', '.join(both)}, too: subscribers get both; `--topics weld_profile` plays "
+                "measurements alone"
+            )
 
     def await_acknowledgement(self) -> None:
         """Wait until every reliable subscriber has everything, but at most 5 s."""

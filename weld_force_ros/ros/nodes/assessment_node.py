@@ -30,6 +30,7 @@ from weld_force_ros.ros import qos
 from weld_force_ros.ros.contract_topics import ContractTopics, Incoming
 from weld_force_ros.ros.diagnostics import TOPIC as DIAGNOSTICS_TOPIC
 from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
+from weld_force_ros.ros.nodes.graph_configurations import GraphConfigurations
 from weld_force_ros.ros.nodes.outcome_ledger import Ledger, read_ledger
 from weld_force_ros.ros.nodes.published_ledger import PublishedLedger
 from weld_force_ros.ros.nodes.topic_recorder import TopicRecorder
@@ -49,7 +50,8 @@ class AssessmentNode(LifecycleNodeBase):
 
     What the node publishes itself is recorded before it is published, what others publish when it arrives. A
     recording that exists is continued: a measurement with an outcome in it gets no second one, one without an outcome
-    is finished. While the disk is full nothing is judged: what comes waits in queue, middleware and folder.
+    is finished. While the disk is full nothing is judged: what comes waits in queue, middleware and folder. Maps that
+    are played from a recording are judged only if a simulator of this graph has their configuration, or there is none.
 
     Args:
         on_force_map: called with each valid force map, before it is judged.
@@ -102,6 +104,7 @@ class AssessmentNode(LifecycleNodeBase):
             self.topics, read_ledger(bag, self.topics.resume) if bag is not None and continued else Ledger()
         )
         self._ledger = self._outcomes.ledger
+        self._configurations = GraphConfigurations()
         if bag is not None:
             self.get_logger().info(
                 f"recording to {bag}: {self._ledger.settled_count} processed, {self._ledger.open_count} pending"
@@ -189,6 +192,11 @@ class AssessmentNode(LifecycleNodeBase):
 
     def _take(self, incoming: Incoming) -> None:
         if incoming.publisher == self.topics.instance:
+            return
+        self._configurations.note(incoming)
+        if self._configurations.is_foreign(incoming):
+            if report := self._configurations.first_report(incoming):
+                self.topics.report_problem(report)
             return
         self._outcomes.note_message()
         if incoming.kind is WeldProfile:

@@ -51,8 +51,9 @@ class FlowControl:
 
     def take_settled(self, serialized: SerializedMessage) -> None:
         """Note which measurements have their outcome; called in the executor's thread."""
-        settled = self._topics.decode_or_report(Settled, self._topics.receive(Settled, serialized))
-        if settled is None:
+        incoming = self._topics.receive(Settled, serialized)
+        settled = self._topics.decode_or_report(Settled, incoming)
+        if settled is None or incoming.replayed:  # settled for the ledger of a recording, not for the one here
             return
         with self._changed:
             self._last_settled_s = time.monotonic()

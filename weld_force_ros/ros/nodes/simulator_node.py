@@ -104,7 +104,10 @@ class SimulatorNode(LifecycleNodeBase):
         return True
 
     def _note_settled(self, serialized: SerializedMessage) -> None:
-        settled = self.topics.decode_or_report(Settled, self.topics.receive(Settled, serialized))
+        incoming = self.topics.receive(Settled, serialized)
+        if incoming.replayed:  # settled for the ledger of that recording, not for the one here
+            return
+        settled = self.topics.decode_or_report(Settled, incoming)
         for profile_id in settled.profile_ids if settled is not None else ():
             self._settled[profile_id] = None
         while len(self._settled) > KEPT_DEPTH[Settled]:
