@@ -8,12 +8,11 @@ import msgspec
 import pytest
 
 from tests.harness.ros import DEADLINE_S, Outcomes, QuickSimulator, profile_text, wait_until
-from weld_force_ros.messages import Rejection, Verdict
+from weld_force_ros.messages import Header, Rejection, Verdict, read_header
 from weld_force_ros.recording.recording import open_recording
 from weld_force_ros.ros.node_suite import KINDS, Kind, NodeSuite
 from weld_force_ros.ros.playback import play
 from weld_force_ros.ros.playback_plan import PlaybackOptions
-from weld_force_ros.ros.sequence_tracker import Header, read_header
 
 DEMO = Path(__file__).parents[2] / "bags" / "demo"
 
