@@ -43,6 +43,7 @@ soak: $(READY)
 	$(BIN)/python -m benchmarks.detection
 	$(BIN)/python -m tests.soak.kills
 	$(BIN)/python -m tests.soak.lives
+	$(BIN)/python -m tests.soak.clients
 	$(BIN)/python -m tests.soak.endurance
 
 screenshots: $(READY)

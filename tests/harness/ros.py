@@ -127,9 +127,9 @@ class Probe:
                 wait_until(lambda: self._publishers[topic].get_subscription_count())
         self._publishers[topic].publish(String(data=data) if isinstance(data, str) else data)
 
-    def publisher(self, topic: str, profile: Any) -> Any:
+    def publisher(self, topic: str, profile: Any, message_type: type = String) -> Any:
         """A publisher of its own beside that of `publish`."""
-        return self._node.create_publisher(String, topic, profile)
+        return self._node.create_publisher(message_type, topic, profile)
 
     def collect(self, topic: str, message_type: type, profile: Any) -> Outcomes:
         collected = Outcomes()

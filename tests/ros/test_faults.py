@@ -45,7 +45,7 @@ def test_simulated_time_that_stands_still_or_goes_back_holds_nothing_up(
 ) -> None:
     """`use_sim_time` without `/clock`, then a clock that goes back, as of a player that begins again."""
     diagnostics = probe.collect("/diagnostics", DiagnosticArray, qos.DIAGNOSTICS)
-    clock = probe._node.create_publisher(Clock, "/clock", 10)
+    clock = probe.publisher("/clock", 10, Clock)
     outcomes, bag = Outcomes(), tmp_path / "bag"
     with suite(folder, bag, outcomes, "-p", "use_sim_time:=true") as nodes:
         node = nodes.nodes["assessment"]

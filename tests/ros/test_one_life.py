@@ -1,10 +1,13 @@
 """The nodes end as one: a closed terminal, a supervisor that is killed, a second Ctrl-C, a recording that is held."""
 
+import fcntl
 import os
+import pty
 import re
 import signal
 import subprocess
 import sys
+import termios
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -21,12 +24,19 @@ pytestmark = pytest.mark.slow
 
 
 @contextmanager
-def up(folder: Path, bag: Path, log: Path, *more: str) -> Iterator[psutil.Popen]:
-    """The suite by its command line; its output goes to a file, which outlives it."""
+def up(folder: Path, bag: Path, log: Path, *more: str, terminal: int | None = None) -> Iterator[psutil.Popen]:
+    """The suite by its command line; its output goes to a file, which outlives it, its input is the terminal's."""
     options = ["--speeds", "80", "--positions", "2", "--uncertainty-samples", "0", *more]
     command = [sys.executable, "-m", "weld_force_ros.cli", "up", "--folder", str(folder), "--bag", str(bag), *options]
     with log.open("a") as output:
-        process = psutil.Popen(command, stderr=output, stdout=output, stdin=subprocess.DEVNULL, start_new_session=True)
+        process = psutil.Popen(
+            command,
+            stderr=output,
+            stdout=output,
+            stdin=subprocess.DEVNULL if terminal is None else terminal,
+            start_new_session=True,
+            preexec_fn=None if terminal is None else lambda: fcntl.ioctl(terminal, termios.TIOCSCTTY, 0),
+        )
         try:
             yield process
         finally:
@@ -76,11 +86,13 @@ def test_a_closed_terminal_closes_the_recording_of_the_suite_in_one_process(
 ) -> None:
     bag, log = tmp_path / "bag", tmp_path / "log"
     (folder / "first.csv").write_text(profile_text(100))
-    with up(folder, bag, log) as process:
+    terminal, inside = pty.openpty()
+    with up(folder, bag, log, terminal=inside) as process:
+        os.close(inside)
         wait_until(lambda: "first" in judged(log))
         with up(folder, bag, tmp_path / "other") as second:  # meanwhile somebody else tries to record there
             assert second.wait(DEADLINE_S) == 2
-        process.send_signal(signal.SIGHUP)
+        os.close(terminal)
         assert process.wait(DEADLINE_S) == 0
     assert open_bag(bag).summary().closed
     (refusal,) = [line for line in (tmp_path / "other").read_text().splitlines() if line.startswith("weld-force:")]

@@ -58,12 +58,10 @@ class TolerantSubscription:
             self._node.destroy_subscription(subscription)
 
     def _subscribe(self, profile: QoSProfile) -> None:
-        tolerant, added = more_tolerant(profile), False
+        tolerant, count = more_tolerant(profile), len(self.subscriptions) + 1
 
         def accept_mismatch(_: object) -> None:
-            nonlocal added
-            if tolerant is not None and not added:
-                added = True
+            if tolerant is not None and len(self.subscriptions) == count:
                 self._accept(tolerant)
 
         self.subscriptions.append(

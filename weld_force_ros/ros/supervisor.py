@@ -84,27 +84,26 @@ class NodeProcess:
 
     def stop(self, timeout_s: float, abandon: threading.Event | None = None) -> int:
         """End the process once it has finished what it took, at once if `abandon` is set, and return its exit code."""
-        if self._process is None:
+        process, abandon = self._process, abandon or threading.Event()
+        if process is None:
             return 0
-        abandon = abandon or threading.Event()
-        self._process.terminate()
+        process.terminate()
         deadline_s = time.monotonic() + timeout_s
-        while self._process.poll() is None and time.monotonic() < deadline_s and not abandon.wait(_POLL_S):
+        while process.poll() is None and time.monotonic() < deadline_s and not abandon.wait(_POLL_S):
             pass
         if abandon.is_set() and self.kind == "assessment":  # the others keep nothing that is not in folder or recording
-            self._close_at_once()
-        if self._process.poll() is None:
-            self._process.kill()
-        code = self._process.wait()
+            _terminate_at_once(process)
+        process.kill()
+        code = process.wait()
         # Ended by the signal itself: it had no handler for it yet, so it had taken nothing.
         return 0 if code == -signal.SIGTERM else code
 
-    def _close_at_once(self) -> None:
-        assert self._process is not None  # noqa: S101 - called with it
-        for _ in range(2):  # the first may be that which it has got
-            self._process.terminate()
-            with suppress(subprocess.TimeoutExpired):
-                self._process.wait(_AT_ONCE_S / 2)
+
+def _terminate_at_once(process: "subprocess.Popen[bytes]") -> None:
+    for _ in range(2):  # a second signal ends it at once; the first of these may be the second
+        process.terminate()
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(_AT_ONCE_S / 2)
 
 
 class Supervisor:
