@@ -109,7 +109,7 @@ def test_bad_usage_is_one_line_and_exit_code_2(capfd, arguments, part):
     assert (code, lines) == (2, [])
     assert err.startswith("weld-force: ")
     assert err.count("\n") == 1
-    assert len(err) < 350  # all bundled tracks are named
+    assert len(err) < 350  # the names of all bundled tracks
     assert part in err
     assert "Traceback" not in err
 

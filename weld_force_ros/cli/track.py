@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from weld_force_ros.physics.track.identification import Identified, MeasuredReceptance
     from weld_force_ros.simulation.identified_track import Basis
 
-app = typer.Typer(no_args_is_help=True, help="Tracks of one's own.", rich_markup_mode=None)
+app = typer.Typer(
+    no_args_is_help=True, help="Tracks of one's own: identify one from its measured receptance.", rich_markup_mode=None
+)
 
 _WORDS = {
     "pad_n_per_m": ("pad stiffness", "kN/mm", 1e-6),
