@@ -142,6 +142,12 @@ def test_identity_stays_and_others_recordings_have_none(tmp_path):
     assert identity(first) == identity(tmp_path / "run-recovered") == known
     assert identity(record(tmp_path / "other", [("/n", "first", 0)])) != known
 
+    (first / "metadata.yaml").write_text("rosbag2_bagfile_information: {version: 5}")  # as written anew by others
+    recording.recover(first, tmp_path / "again")
+    assert identity(tmp_path / "again") == known
+    with Reader(tmp_path / "again") as reader:
+        assert reader.ros_distro == "jazzy"
+
     rich_bag(tmp_path / "rich").rename(tmp_path / "others")
     with pytest.raises(BagError, match="exists and is not overwritten"):
         recording.Recorder(tmp_path / "others")
