@@ -1,6 +1,7 @@
 """What `bag recover` keeps of a recording, read by others' readers, and what it says of the rest."""
 
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -96,6 +97,12 @@ def test_other_readers_do_not_find_what_is_not_there(tmp_path):
         check_by_others(bag, [*messages, messages[0]], recording.open_bag(bag).form)
     (bag / "metadata.yaml").write_text("rosbag2_bagfile_information: {version: 99}")
     assert "rosbags cannot read it" in str(check_by_others(bag, messages, recording.open_bag(bag).form))
+
+
+def test_without_rosbags_one_other_reader_is_asked(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
+    report = recording.recover(record(tmp_path / "run", numbered(5)))
+    assert (report.message_count, report.unread_by_others) == (5, None)
 
 
 # The identity of a recording
