@@ -1,11 +1,11 @@
-# make run · make test · make test-fast · make coverage · make lint · make bench · make soak: each sets up .venv by itself, once.
+# make run · make test · make test-fast · make test-lowest · make coverage · make lint · make bench · make soak: each sets up .venv by itself, once.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 EXTRAS := .[ros,report,campaign,test]
 
-.PHONY: run test test-fast coverage lint warm bench bench-campaign soak screenshots format schema
+.PHONY: run test test-fast test-lowest coverage lint warm bench bench-campaign soak screenshots format schema
 
 run: $(READY)
 	$(BIN)/weld-force demo
@@ -18,6 +18,18 @@ coverage: $(READY)
 
 test-fast: $(READY)
 	$(BIN)/pytest -n 2 --dist loadfile -m 'not slow'
+
+# The lowest versions that pyproject.toml allows, which are those of Ubuntu 24.04 where that has them: the science, the
+# recordings and the command line, without ROS. What is old may be deprecated.
+LOWEST := .venv-lowest
+test-lowest: $(LOWEST)/.ready
+	$(LOWEST)/bin/pytest -n 2 --dist loadfile -m 'not slow' -W ignore::DeprecationWarning \
+	  tests/messages tests/physics tests/measurement tests/simulation tests/assessment tests/recording tests/cli
+
+$(LOWEST)/.ready: pyproject.toml $(READY)
+	$(BIN)/uv venv --quiet --clear --python $(BIN)/python $(LOWEST)
+	$(BIN)/uv pip install --quiet --python $(LOWEST)/bin/python --resolution lowest-direct -e '.[report,foreign,test]'
+	touch $@
 
 lint: $(READY)
 	$(BIN)/ruff check .

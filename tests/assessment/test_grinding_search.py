@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import trapezoid
 from scipy.optimize import linprog
 
 from weld_force_ros.assessment.grinding_search import Grinder, Profile, Removal, closed, least_removal, splines
@@ -35,7 +36,7 @@ def least_by_linear_programming(z: np.ndarray, height_m: float, grinder: Grinder
     basis = splines(removal.x_m, removal.x_m[0], removal.x_m[-1], knots_m)
     heights = np.interp(removal.x_m, X, z, left=0.0, right=0.0)
     solved = linprog(
-        np.trapezoid(basis, removal.x_m, axis=0),
+        trapezoid(basis, removal.x_m, axis=0),
         A_ub=-basis,
         b_ub=height_m - heights,
         bounds=[(0.0, grinder.most_m)] * basis.shape[1],

@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from weld_force_ros.measurement.profile_file import shipped
 from weld_force_ros.messages import SCHEMAS, ForceMap, Verdict, decode, json_schema
 from weld_force_ros.recording.recording import open_recording
 
+NEEDS_ROS = pytest.mark.skipif(find_spec("rclpy") is None, reason="without ROS, that is what is said")
 QUICK = ["--speeds", "60,120", "--positions", "0.1,0.4"]
 BAG = Path(__file__).parents[2] / "bags" / "demo"
 BAG_OF_1_2 = Path(__file__).parents[1] / "data" / "demo-1.2"  # three of its welds
@@ -100,8 +102,8 @@ def test_the_wheel_given_on_the_command_line_is_the_one_that_rolls(capfd):
         (["replay", "no-bag", "--verify"], "no-bag"),
         (["simulate", "weld-1-dip", "--uncertainty", "4", "--unknown", "/nope"], "/nope"),
         (["bag", "info", "no-bag"], "no-bag"),
-        (["node", "conductor"], "simulator"),
-        (["node", "profile", "folder"], "--ros-args"),
+        pytest.param(["node", "conductor"], "simulator", marks=NEEDS_ROS),
+        pytest.param(["node", "profile", "folder"], "--ros-args", marks=NEEDS_ROS),
     ],
 )
 def test_bad_usage_is_one_line_and_exit_code_2(capfd, arguments, part):

@@ -1,6 +1,7 @@
 """What `bag recover` keeps of a recording, read by others' readers, and what it says of the rest."""
 
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -98,6 +99,12 @@ def test_other_readers_do_not_find_what_is_not_there(tmp_path):
     assert "rosbags cannot read it" in str(check_by_others(bag, messages, recording.open_bag(bag).form))
 
 
+def test_without_rosbags_one_other_reader_is_asked(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
+    report = recording.recover(record(tmp_path / "run", numbered(5)))
+    assert (report.message_count, report.unread_by_others) == (5, None)
+
+
 # The identity of a recording
 
 
@@ -141,6 +148,12 @@ def test_identity_stays_and_others_recordings_have_none(tmp_path):
     recording.recover(first)
     assert identity(first) == identity(tmp_path / "run-recovered") == known
     assert identity(record(tmp_path / "other", [("/n", "first", 0)])) != known
+
+    (first / "metadata.yaml").write_text("rosbag2_bagfile_information: {version: 5}")  # as written anew by others
+    recording.recover(first, tmp_path / "again")
+    assert identity(tmp_path / "again") == known
+    with Reader(tmp_path / "again") as reader:
+        assert reader.ros_distro == "jazzy"
 
     rich_bag(tmp_path / "rich").rename(tmp_path / "others")
     with pytest.raises(BagError, match="exists and is not overwritten"):

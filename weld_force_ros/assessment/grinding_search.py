@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
+from scipy.integrate import trapezoid
 from scipy.interpolate import BSpline
 from scipy.ndimage import grey_closing
 from scipy.optimize import linprog, nnls
@@ -101,7 +102,7 @@ class Removal:
     @property
     def removed_m2(self) -> float:
         """Area between both profiles."""
-        return float(np.trapezoid(self.removal_m, self.x_m))
+        return float(trapezoid(self.removal_m, self.x_m))
 
 
 def least_removal(
@@ -184,7 +185,7 @@ class _Search:
         return np.where(wanted_m > 0, np.maximum(self.z_m - ground, 0.0), 0.0)
 
     def _point(self, shares: FloatArray, removal_m: FloatArray, excess: FloatArray) -> _Point:
-        area = np.trapezoid(removal_m, self.x_m) / (self.knots_m * self.grinder.most_m)
+        area = trapezoid(removal_m, self.x_m) / (self.knots_m * self.grinder.most_m)
         return _Point(shares, removal_m, excess, float(area + self._penalty * max(0.0, excess.max() + MARGIN)))
 
     def removal(self, point: _Point) -> Removal:

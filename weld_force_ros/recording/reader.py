@@ -16,7 +16,13 @@ from weld_force_ros.recording.bag_errors import as_bag_error
 from weld_force_ros.recording.mcap_reader import McapFile
 from weld_force_ros.recording.recorded import Recorded
 from weld_force_ros.recording.recorded_file import CONVERT, PACKED, RecordedFile
-from weld_force_ros.recording.rosbag2_format import ChannelStatistics, FileForm, merged, stated_origin
+from weld_force_ros.recording.rosbag2_format import (
+    UNKNOWN_DISTRO,
+    ChannelStatistics,
+    FileForm,
+    merged,
+    stated_origin,
+)
 from weld_force_ros.recording.sqlite3_reader import Sqlite3File
 from weld_force_ros.recording.timeline import Gap
 
@@ -117,8 +123,11 @@ class Bag:
     def form(self) -> FileForm:
         """Return what the recording states beside its messages: metadata.yaml first, its first file for the rest."""
         form = self._readable[0].form
-        origin = stated_origin(metadata_of(self.path)) if self.path.is_dir() else None
-        return form._replace(ros_distro=origin[0], custom_data=origin[1]) if origin else form
+        distro, custom_data = (stated_origin(metadata_of(self.path)) if self.path.is_dir() else None) or form[2:]
+        return form._replace(
+            ros_distro=form.ros_distro if distro == UNKNOWN_DISTRO else distro,
+            custom_data=custom_data or form.custom_data,
+        )
 
     @property
     def damage(self) -> str | None:

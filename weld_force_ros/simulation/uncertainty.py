@@ -63,7 +63,7 @@ def _quasi_random(unknown: Uncertainty) -> Draws:
     generator = np.random.default_rng(unknown.seed)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # that the number of samples is no power of 2
-        sequence = scipy.stats.qmc.Sobol(3, rng=generator).random(unknown.samples)
+        sequence = scipy.stats.qmc.Sobol(3, seed=generator).random(unknown.samples)
     evenly = (sequence.argsort(axis=0).argsort(axis=0) + 0.5) / unknown.samples
     return Draws(
         np.asarray(np.exp(unknown.support_spread * ndtri(evenly[:, 0]))),

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import trapezoid
 
 from weld_force_ros.physics.engines.common_poles import (
     ORDERS,
@@ -116,7 +117,7 @@ def test_model_is_the_transform_of_a_real_impulse_response(definitions: dict[str
     t = np.arange(0.0, 0.5, 5e-6)
     impulse = model.pair_weight * model.residues[3] @ np.exp(np.outer(model.poles_rad_s, t))
     for frequency in (20.0, 110.0, 300.0):
-        transform = np.trapezoid(impulse.real * np.exp(-2j * np.pi * frequency * t), t)
+        transform = trapezoid(impulse.real * np.exp(-2j * np.pi * frequency * t), t)
         assert model.receptance(frequency, model.section_m[3])[0, 0] == pytest.approx(transform, rel=1e-3)
     np.testing.assert_allclose(
         model.receptance([-50.0, -500.0], [0.1]), model.receptance([50.0, 500.0], [0.1]).conj(), rtol=1e-12

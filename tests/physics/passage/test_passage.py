@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 
 from tests.harness.oracles import integrated_passage
 from weld_force_ros.errors import InputError, NumericalError
@@ -119,9 +120,9 @@ def test_impulse_of_the_unbalanced_force_is_the_change_of_momentum(
     time = history.x_m / (speed_kmh / 3.6)
     velocity = -np.gradient(history.wheel_m, time, edge_order=2)  # down
     unbalanced = vehicle_track.wheel.static_load_n - history.force_n
-    exchanged = np.trapezoid(np.abs(unbalanced), time)
+    exchanged = trapezoid(np.abs(unbalanced), time)
     for end in (len(time) // 4, len(time) // 2, len(time) - 1):
-        impulse = np.trapezoid(unbalanced[: end + 1], time[: end + 1])
+        impulse = trapezoid(unbalanced[: end + 1], time[: end + 1])
         assert vehicle_track.wheel.mass_kg * (velocity[end] - velocity[0]) == pytest.approx(
             impulse, abs=2e-3 * exchanged
         )

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 
 from weld_force_ros.physics.track import causality
 from weld_force_ros.simulation import track_file
@@ -36,8 +37,8 @@ def test_the_cut_of_a_hysteretic_oscillator_is_what_its_poles_say(monkeypatch):
     spectrum = 1 / (k * (1 + 1j * eta) - m * omega**2)
     times = np.linspace(0.0, 0.08, 801)
     # At negative time the sum of cos and sin parts has the other sign: both halves from two quadratures.
-    even = np.array([np.trapezoid(spectrum.real * np.cos(omega * t), omega) for t in times]) / np.pi
-    odd = np.array([np.trapezoid(spectrum.imag * np.sin(omega * t), omega) for t in times]) / np.pi
+    even = np.array([trapezoid(spectrum.real * np.cos(omega * t), omega) for t in times]) / np.pi
+    odd = np.array([trapezoid(spectrum.imag * np.sin(omega * t), omega) for t in times]) / np.pi
     after, before = even - odd, even + odd
-    share = np.trapezoid(before**2, times) / (np.trapezoid(before**2, times) + np.trapezoid(after**2, times))
+    share = trapezoid(before**2, times) / (trapezoid(before**2, times) + trapezoid(after**2, times))
     assert found.energy_share == pytest.approx(share, rel=0.05)

@@ -262,7 +262,7 @@ def _crossing(old_kmh: FloatArray, old_n: FloatArray, new_kmh: FloatArray, new_n
 def _mean_over(speeds: FloatArray, force: FloatArray) -> FloatArray:
     if len(speeds) == 1:
         return np.asarray(force[0])
-    return np.asarray(np.trapezoid(force, speeds, axis=0) / (speeds[-1] - speeds[0]))
+    return np.asarray(scipy.integrate.trapezoid(force, speeds, axis=0) / (speeds[-1] - speeds[0]))
 
 
 def _surroundings(positions: FloatArray, span_m: float) -> FloatArray:
