@@ -25,6 +25,7 @@ LOWEST := .venv-lowest
 test-lowest: $(LOWEST)/.ready
 	$(LOWEST)/bin/pytest -n 2 --dist loadfile -m 'not slow' -W ignore::DeprecationWarning \
 	  tests/messages tests/physics tests/measurement tests/simulation tests/assessment tests/recording tests/cli
+	$(LOWEST)/bin/weld-force replay verify bags/demo
 
 $(LOWEST)/.ready: pyproject.toml $(READY)
 	$(BIN)/uv venv --quiet --clear --python $(BIN)/python $(LOWEST)

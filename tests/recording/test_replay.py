@@ -73,6 +73,17 @@ def test_one_force_changed_by_a_newton_is_found_and_placed(tmp_path, messages):
     assert found.startswith("force_map: peak_force_n differs by 1 at 120 km/h, 0.1 m (1 of 4 passages)")
 
 
+def test_of_a_curve_the_forces_count_and_not_which_of_two_places_has_them(tmp_path, messages):
+    curve = messages[3].curve
+    other = msgspec.structs.replace(
+        curve, at_m=[0.6 - at for at in curve.at_m], against=[not against for against in curve.against]
+    )
+    assert differences(recorded(tmp_path / "place", changed(messages, "ForceMap", curve=other))) == []
+    forces = msgspec.structs.replace(curve, min_force_n=[curve.min_force_n[0] - 1.0, *curve.min_force_n[1:]])
+    found = differences(recorded(tmp_path / "force", changed(messages, "ForceMap", curve=forces)))
+    assert found == ["force_map: curve differs"]
+
+
 def test_a_changed_decision_is_found(tmp_path, messages):
     other = "accept" if messages[5].decision != "accept" else "reject"
     (found,) = differences(recorded(tmp_path, changed(messages, "Verdict", decision=other)))

@@ -1,5 +1,6 @@
 """List the topics of the suite and the JSON Schema of what they carry."""
 
+from inspect import cleandoc
 from typing import Any
 
 import msgspec
@@ -61,4 +62,8 @@ def _inline(schema: Any, components: dict[str, Any]) -> Any:
     if "$ref" in schema:
         referred = components[schema["$ref"]]
         return _inline({**referred, **{k: v for k, v in schema.items() if k != "$ref"}}, components)
-    return {k: _inline(v, components) for k, v in schema.items()}
+    # Python 3.13 takes the indentation out of docstrings, which descriptions are; before it, this does.
+    return {
+        k: cleandoc(v) if k == "description" and isinstance(v, str) else _inline(v, components)
+        for k, v in schema.items()
+    }
