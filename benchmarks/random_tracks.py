@@ -1,9 +1,10 @@
 """Thirty random causal tracks: peak forces by common poles against the reference, and what the fit's error says of it.
 
 `python -m benchmarks.random_tracks [--first N] [--count N]` prints a line a track: four shapes, six speeds of 30 to
-300 km/h, four positions in the span. Half a minute a track.
+300 km/h, four positions in the span. A minute or two a track.
 """
 
+import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -16,7 +17,8 @@ from weld_force_ros.physics.engines.greens_function import GreensFunctionModel
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.state_space import StateModel
 from weld_force_ros.physics.passage.wheel_path import WheelPath
-from weld_force_ros.simulation import track_file
+from weld_force_ros.physics.track.support import Spring
+from weld_force_ros.simulation import fit_store, track_file
 from weld_force_ros.simulation.track_file import TrackDefinition
 
 COUNT = 30
@@ -90,3 +92,39 @@ def _paths(definition: TrackDefinition) -> list[WheelPath]:
 
 def _positions(definition: TrackDefinition) -> FloatArray:
     return definition.track.spacing_m * np.arange(4) / 4
+
+
+def line(definition: TrackDefinition, reference_n: FloatArray) -> str:
+    """Return a track's line of the table."""
+    fit, usual = fit_store.fitted_moving(definition), fit_store.fitted(definition)
+    static_n, track = definition.wheel.static_load_n, definition.track
+    found = Peaks(reference_n, peaks_by(fit.model(), definition), static_n)
+    before = Peaks(reference_n, peaks_by(usual.model(), definition), static_n).off_percent
+    off, springs = found.off_percent, [spring for spring in track.support.springs if isinstance(spring, Spring)]
+    pad, ballast = (f"{one.stiffness_n_per_m / 1e6:.0f}, {one.damping_ns_per_m / 1e3:.1f}" for one in springs)
+    return (
+        f"| {track.name} | {track.spacing_m:.2f} | {pad} | {ballast} "
+        f"| {_rms(before):.2f} / {np.abs(before).max():.2f} | {fit.order} | {_rms(off):.2f} / {np.abs(off).max():.2f} "
+        f"| {found.dynamic_percent:.2f} | {100 * fit.error:.2f} | {100 * fit.error / found.dynamic_percent:.1f} |"
+    )
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--first", type=int, default=0, help="number of the first track")
+    parser.add_argument("--count", type=int, default=COUNT, help="how many tracks")
+    given = parser.parse_args()
+    print(
+        "| track | spacing m | pad kN/mm, kNs/m | ballast kN/mm, kNs/m | fitted at rest: RMS / largest % | order "
+        "| RMS / largest % | of the dynamic part % | fit error % | over it |\n|---|---|---|---|---|---|---|---|---|---|"
+    )
+    for definition in random_tracks()[given.first : given.first + given.count]:
+        print(line(definition, reference_peaks(definition)), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -35,7 +35,7 @@ class Accuracy:
 def accuracy(name: str, speeds_kmh: Sequence[float] = SPEEDS_KMH) -> Accuracy:
     """Compare both engines on a track, name or file."""
     definition = track_file.load(name)
-    fit = fit_store.fitted(definition)
+    fit = fit_store.fitted_moving(definition)
     paths = [cosine(height, length, definition.wheel.radius_m) for height, length in _SHAPES_M]
     positions = definition.track.spacing_m * np.arange(4) / 4
     fast = VehicleTrackModel(fit.model(), definition.wheel)

@@ -102,6 +102,16 @@ class SimulationSettings(Message, kw_only=True):
     uncertainty: Uncertainty | UnsetType = UNSET
     running: Running | UnsetType = UNSET
     support: Annotated[list[SupportState], Meta(max_length=18)] | UnsetType = UNSET
+    poles: (
+        Annotated[
+            Literal["moving"],
+            Meta(
+                description="common poles as a moving contact finds them; as a resting one does, if unset",
+                extra_json_schema={"type": "string"},
+            ),
+        ]
+        | UnsetType
+    ) = UNSET
 
     @property
     def patch_half_length_m(self) -> float:

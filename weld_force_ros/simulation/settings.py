@@ -160,6 +160,7 @@ def simulation_settings(
         running=cast(Running, running),
         support=parse_support(support) or UNSET,
         uncertainty=uncertainty or UNSET,
+        poles="moving" if engine == "common-poles" and definition.moving else UNSET,
     )
     return _identified(settings)
 
