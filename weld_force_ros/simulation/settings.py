@@ -166,7 +166,7 @@ def simulation_settings(
 
 
 def poles_of(definition: track_file.TrackDefinition, engine: str) -> Literal["moving"] | UnsetType:
-    """Return what settings say of poles: that they are those of a moving contact, where the engine and track have such."""
+    """Return what settings say of poles: those of a moving contact where engine and track have such."""
     return "moving" if engine == "common-poles" and definition.moving else UNSET
 
 

@@ -249,6 +249,9 @@ class GreensFunctionModel:
     def _over_weld(self, responses: _Responses, wheel_path: WheelPath, speed_kmh: float, position_m: float) -> _Passage:
         first, last = position_m + wheel_path.start_m, position_m + wheel_path.end_m
         last += max(self.track.spacing_m, RUN_OUT_S * speed_kmh / 3.6)
+        # What takes longer to settle takes longer to die out, too.
+        longer = responses.settling - int(np.ceil(LEAD_IN_S / responses.dt))
+        last += longer * self.track.spacing_m / responses.grid
         if self.supports is not None:  # the rail near them is part of what is asked for
             places, around_m = self.supports.places_m(self.track), _AROUND_SPANS * self.track.spacing_m
             first, last = min(first, places[0] - around_m), max(last, places[-1] + around_m)
