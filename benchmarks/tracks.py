@@ -35,8 +35,8 @@ class Accuracy:
 def accuracy(name: str, speeds_kmh: Sequence[float] = SPEEDS_KMH) -> Accuracy:
     """Compare both engines on a track, name or file."""
     definition = track_file.load(name)
-    fit = fit_store.fitted(definition)
-    paths = [_cosine(height, length, definition.wheel.radius_m) for height, length in _SHAPES_M]
+    fit = fit_store.fitted_moving(definition)
+    paths = [cosine(height, length, definition.wheel.radius_m) for height, length in _SHAPES_M]
     positions = definition.track.spacing_m * np.arange(4) / 4
     fast = VehicleTrackModel(fit.model(), definition.wheel)
     exact = GreensFunctionModel(definition.track, definition.wheel).peak_maps(paths, speeds_kmh, positions)
@@ -46,7 +46,7 @@ def accuracy(name: str, speeds_kmh: Sequence[float] = SPEEDS_KMH) -> Accuracy:
     return Accuracy(fit.order, 100 * fit.error, float(np.sqrt(np.mean(off**2))), float(np.abs(off).max()))
 
 
-def _cosine(height_m: float, length_m: float, radius_m: float) -> WheelPath:
+def cosine(height_m: float, length_m: float, radius_m: float) -> WheelPath:
     x: FloatArray = np.arange(-length_m / 2 - _FLAT_M, length_m / 2 + _FLAT_M, _STEP_M)
     wave = 0.5 * height_m * (1 + np.cos(2 * np.pi * x / length_m))
     return wheel_path_over(x, np.where(np.abs(x) < length_m / 2, wave, 0.0), radius_m)

@@ -18,6 +18,7 @@ from weld_force_ros.simulation.few_passages import support_levels
 from weld_force_ros.simulation.sampling import supported
 from weld_force_ros.simulation.settings import load_uncertainty, simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
+from weld_force_ros.simulation.track_at_weld import TracksAtWelds
 
 SMALL = fit_store.Search(degree=6, generations=3, population=8)
 
@@ -128,3 +129,40 @@ def test_shipped_fits_hold_the_exact_static_stiffness_of_every_section(name: str
     np.testing.assert_allclose(
         model.static_compliance(between), static_compliance(definition.track, between), rtol=5e-3
     )
+
+
+def test_poles_that_change_with_speed_come_out_of_the_file_again(tmp_path: Path):
+    fit = fit_store.fitted_moving(track_file.load("bilbao-viscous"))
+    assert isinstance(fit, fit_store.MovingPolesFit)
+    fit_store.write(fit, tmp_path / "fit.json")
+    again = msgspec.json.decode((tmp_path / "fit.json").read_bytes(), type=fit_store.AnyFit)
+    assert again == fit
+    at = np.linspace(0.0, 1.2, 7)
+    np.testing.assert_array_equal(again.model().shapes_at(at), fit.model().shapes_at(at))
+
+
+def test_a_fit_at_rest_that_is_good_enough_stays_as_it_is():
+    definition = track_file.load("johansson-nielsen")
+    moving, usual = fit_store.fitted_moving(definition), fit_store.fitted(definition)
+    assert isinstance(moving, fit_store.PolesFit)
+    assert moving.residues_re == usual.residues_re
+    assert moving.poles_im_rad_s == usual.poles_im_rad_s
+
+
+@pytest.mark.parametrize(
+    ("track", "engine", "moving"),
+    [("bilbao-viscous", "common-poles", True), ("bilbao-viscous", "rfp", False), ("bilbao", "common-poles", False),
+     ("embedded-rail", "common-poles", False)],
+)  # fmt: skip
+def test_settings_say_what_poles_are_fitted_to(track: str, engine: str, moving: bool):
+    assert (simulation_settings(track=track, engine=engine).poles == "moving") == moving
+
+
+def test_settings_that_say_nothing_of_poles_are_simulated_as_before():
+    """Such as those of recordings of before: the fit at rest, whose results they hold."""
+    definition, settings = track_file.load("bilbao-viscous"), simulation_settings(track="bilbao-viscous")
+    before = TracksAtWelds(definition, msgspec.structs.replace(settings, poles=msgspec.UNSET)).usual
+    now = TracksAtWelds(definition, settings).usual
+    np.testing.assert_array_equal(before.vehicle_track.model.residues, fit_store.fitted(definition).model().residues)
+    assert now.vehicle_track.model.order == fit_store.fitted_moving(definition).order == 16
+    assert now.fit_error < 0.0115

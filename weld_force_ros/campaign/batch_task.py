@@ -243,8 +243,12 @@ def export_fits(plan: Plan, out: Path) -> None:
     for section in plan.sections:
         for settings in section.vehicles.values():
             if settings.engine != "reference":
-                fit = fit_store.fitted(track_file.parse(settings.track_definition, settings.track), settings.engine)
-                fit_store.write(fit, out / FITS / f"{fit.key}.json")
+                definition = track_file.parse(settings.track_definition, settings.track)
+                fits: list[fit_store.AnyFit] = [fit_store.fitted(definition, settings.engine)]
+                if settings.poles == "moving":
+                    fits.append(fit_store.fitted_moving(definition))
+                for fit in fits:
+                    fit_store.write(fit, out / FITS / f"{fit.key}.json")
 
 
 def import_fits(out: Path) -> None:

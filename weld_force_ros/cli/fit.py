@@ -41,6 +41,11 @@ def fit(
             bar.add_task(f"fitting {definition.track.name}", total=None)
             made = fit_store.make_poles(definition)
     fit_store.keep(made)
+    if isinstance(made, fit_store.PolesFit) and definition.moving:
+        with terminal.progress() as bar:
+            bar.add_task(f"fitting {definition.track.name} for a wheel that moves", total=None)
+            made = fit_store.make_moving(definition, made)
+        fit_store.keep(made)
     with json_output.lines(json) as target:
         json_output.write(target, made)
     _show_fit(made)

@@ -123,6 +123,16 @@ class SimulationSettings(Message, kw_only=True):
         ]
         | UnsetType
     ) = UNSET
+    poles: (
+        Annotated[
+            Literal["moving"],
+            Meta(
+                description="common poles as a moving contact finds them; as a resting one does, if unset",
+                extra_json_schema={"type": "string"},
+            ),
+        ]
+        | UnsetType
+    ) = UNSET
 
     @property
     def rolling_radius_m(self) -> float:

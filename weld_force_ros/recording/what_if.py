@@ -19,7 +19,7 @@ from weld_force_ros.messages import (
 from weld_force_ros.recording.recomputation import Recomputation, missing
 from weld_force_ros.recording.recording import Recording, judged_together, simulation_key
 from weld_force_ros.simulation import track_file
-from weld_force_ros.simulation.settings import ENGINES, parse_speeds
+from weld_force_ros.simulation.settings import ENGINES, parse_speeds, poles_of
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,9 @@ class Change:
             speeds_kmh=self.speeds_kmh or recorded.speeds_kmh,
             engine=self.engine or recorded.engine,
         )
+        if self.track or self.engine:
+            definition = self.track or track_file.parse(recorded.track_definition, recorded.track)
+            changed.poles = poles_of(definition, changed.engine)
         changed.config_sha256 = config_sha256(changed)
         try:
             encode(changed)

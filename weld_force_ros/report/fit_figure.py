@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from weld_force_ros.physics.engines.moving_poles import MovingPoleModel
 from weld_force_ros.physics.track.beam import receptance
 from weld_force_ros.report.figures import BLUE, GREEN, GREY, ORANGE, RED, new_figure
 from weld_force_ros.simulation.fit_store import AnyFit, RfpFit
@@ -31,9 +32,9 @@ def fit_figure(definition: TrackDefinition, fit: AnyFit) -> "Figure":
         _draw_coefficients(right, fit)
     else:
         _draw_error(left, fit)
-        right.plot(
-            np.array(fit.poles_re_rad_s) / (2 * np.pi), np.array(fit.poles_im_rad_s) / (2 * np.pi), "x", color=BLUE
-        )
+        model = fit.model()
+        poles = model.poles_at(0.0) if isinstance(model, MovingPoleModel) else model.poles_rad_s
+        right.plot(poles.real / (2 * np.pi), poles.imag / (2 * np.pi), "x", color=BLUE)
         right.axvline(0, color=GREY, linewidth=0.6)
         right.set(xlabel="real part / 2π, Hz", ylabel="imaginary part / 2π, Hz", title="poles, shared by all sections")
     figure.suptitle(f"{fit.track}: {fit.engine} of order {fit.order}", fontweight="bold")

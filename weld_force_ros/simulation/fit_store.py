@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from weld_force_ros import __version__, _files
 from weld_force_ros.errors import InputError
-from weld_force_ros.physics.engines import rational_search, window_fit
+from weld_force_ros.physics.engines import moving_fit, rational_search, window_fit
 from weld_force_ros.physics.engines.common_poles import (
     BAND_HZ,
     REPORT_BANDS,
@@ -27,6 +27,7 @@ from weld_force_ros.physics.engines.common_poles import (
     default_fit,
     relative_error,
 )
+from weld_force_ros.physics.engines.moving_poles import MovingPoleModel
 from weld_force_ros.physics.engines.rational_fractions import RfpModel
 from weld_force_ros.physics.track.beam import StripRail, Track
 from weld_force_ros.physics.track.causality import acausal
@@ -37,6 +38,7 @@ from weld_force_ros.simulation.track_file import TrackDefinition
 # Part of every fit's key: raise it when the fit of the same track would come out differently.
 FIT_VERSION = 2
 _WINDOW_VERSION = 1
+_MOVING_VERSION = 1
 
 FittedEngine = Literal["common-poles", "rfp"]
 
@@ -125,7 +127,34 @@ class RfpFit(Fit, kw_only=True, tag="rfp"):
         )
 
 
-AnyFit = PolesFit | RfpFit
+class MovingPolesFit(Fit, kw_only=True, tag="moving-poles"):
+    """Common poles that change with speed, as of `physics.engines.moving_poles`; `series_*` are row-major."""
+
+    rates_re: list[float]
+    rates_im: list[float]
+    rate_changes_re: list[float]
+    rate_changes_im: list[float]
+    strengths: list[float]
+    strength_changes_re: list[float]
+    strength_changes_im: list[float]
+    series_re: list[float]
+    series_im: list[float]
+    symmetries: list[int]
+
+    def model(self) -> MovingPoleModel:
+        """Return the fitted track."""
+        return MovingPoleModel(
+            rates=np.array(self.rates_re) + 1j * np.array(self.rates_im),
+            rate_changes=np.array(self.rate_changes_re) + 1j * np.array(self.rate_changes_im),
+            strengths=np.array(self.strengths),
+            strength_changes=np.array(self.strength_changes_re) + 1j * np.array(self.strength_changes_im),
+            series=(np.array(self.series_re) + 1j * np.array(self.series_im)).reshape(len(self.rates_re), -1),
+            symmetries=np.array(self.symmetries),
+            spacing_m=self.spacing_m,
+        )
+
+
+AnyFit = PolesFit | RfpFit | MovingPolesFit
 
 
 class Search(msgspec.Struct, frozen=True):
@@ -197,6 +226,57 @@ def fitted(
     how_long = "some minutes" if engine == "rfp" else "some seconds"
     announcement = f"fitting track {name} for engine {engine}, once: {how_long}"
     return _cached(key, lambda: make(definition, engine), announcement, on_fit)
+
+
+def fitted_moving(
+    definition: TrackDefinition, *, on_fit: Callable[[str], None] | None = None
+) -> PolesFit | MovingPolesFit:
+    """Return the fit that serves a moving contact: that of `fitted` where it is good enough, else one of its own.
+
+    Its `error` is how far peak forces are off, relative to their dynamic part.
+
+    Raises:
+        NumericalError: no usable fit was found.
+    """
+    if not definition.moving:
+        return fitted(definition, on_fit=on_fit)
+    key, name = _moving_key(definition), definition.track.name
+    for file in (_DATA / "fits" / f"{name}.moving-poles.json", _files.cache_folder("fits") / f"{key}.json"):
+        found = _read(file, key)
+        if isinstance(found, PolesFit | MovingPolesFit):
+            return found
+    usual = fitted(definition, on_fit=on_fit)
+    if on_fit:
+        on_fit(f"fitting track {name} for a wheel that moves, once: some ten seconds")
+    fit = make_moving(definition, usual)
+    keep(fit)
+    return fit
+
+
+def _moving_key(definition: TrackDefinition) -> str:
+    return hashlib.sha256(msgspec.json.encode([_MOVING_VERSION, key_of(definition)])).hexdigest()
+
+
+def make_moving(definition: TrackDefinition, usual: PolesFit) -> PolesFit | MovingPolesFit:
+    """Fit common poles to what a moving contact finds; see `fitted_moving`."""
+    with threadpool_limits(limits=1, user_api="blas"):
+        model, off = moving_fit.moving_fit(definition.track, definition.wheel, usual.model())
+    if isinstance(model, PoleModel):
+        return msgspec.structs.replace(usual, key=_moving_key(definition), error=off)
+    account = _account(definition, _moving_key(definition), model, _error_of(definition, model))
+    return MovingPolesFit(
+        **{**account, "error": off},
+        rates_re=model.rates.real.tolist(),
+        rates_im=model.rates.imag.tolist(),
+        rate_changes_re=model.rate_changes.real.tolist(),
+        rate_changes_im=model.rate_changes.imag.tolist(),
+        strengths=model.strengths.tolist(),
+        strength_changes_re=model.strength_changes.real.tolist(),
+        strength_changes_im=model.strength_changes.imag.tolist(),
+        series_re=model.series.real.ravel().tolist(),
+        series_im=model.series.imag.ravel().tolist(),
+        symmetries=model.symmetries.tolist(),
+    )
 
 
 def fitted_window(
@@ -372,12 +452,17 @@ def _interrupted(file: Path, key: str) -> rational_search.Population | None:
     return rational_search.Population(state.generation, np.array(state.genes)) if state.key == key else None
 
 
-def _error_of(definition: TrackDefinition, model: PoleModel | RfpModel) -> Callable[[ErrorBand], float]:
+def _error_of(
+    definition: TrackDefinition, model: PoleModel | MovingPoleModel | RfpModel
+) -> Callable[[ErrorBand], float]:
     return partial(relative_error, model, definition.track, definition.wheel.compliance)
 
 
 def _account(
-    definition: TrackDefinition, key: str, model: PoleModel | RfpModel, error: Callable[[ErrorBand], float]
+    definition: TrackDefinition,
+    key: str,
+    model: PoleModel | MovingPoleModel | RfpModel,
+    error: Callable[[ErrorBand], float],
 ) -> dict[str, Any]:
     """Return the fields that every fit has; `error` is that of `model` over a band."""
     track, compliance = definition.track, definition.wheel.compliance

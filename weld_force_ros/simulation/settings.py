@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import Any, Literal, cast, get_args
 
 import msgspec
 import numpy as np
-from msgspec import UNSET
+from msgspec import UNSET, UnsetType
 
 from weld_force_ros import _yaml
 from weld_force_ros.errors import InputError, MessageError
@@ -172,8 +172,14 @@ def simulation_settings(
         running=cast(Running, running),
         support=parse_support(support) or UNSET,
         uncertainty=uncertainty or UNSET,
+        poles=poles_of(definition, engine),
     )
     return _identified(settings)
+
+
+def poles_of(definition: track_file.TrackDefinition, engine: str) -> Literal["moving"] | UnsetType:
+    """Return what settings say of poles: those of a moving contact where engine and track have such."""
+    return "moving" if engine == "common-poles" and definition.moving else UNSET
 
 
 def _identified(settings: SimulationSettings) -> SimulationSettings:

@@ -114,6 +114,8 @@ class TracksAtWelds:
     def _fit(self, supports: LocalSupports | None) -> fit_store.AnyFit:
         engine = self._settings.engine
         assert engine != "reference", "reference has no fit"  # noqa: S101
+        if supports is None and self._settings.poles == "moving":
+            return fit_store.fitted_moving(self._definition, on_fit=self._on_fit)
         if supports is None:
             return fit_store.fitted(self._definition, engine, on_fit=self._on_fit)
         if engine == "rfp":

@@ -74,6 +74,11 @@ class TrackDefinition:
     text: str
     radii: ContactRadii | None = None
 
+    @property
+    def moving(self) -> bool:
+        """Return whether poles can be fitted to what a moving contact finds: causal, on sleepers, the rail a beam."""
+        return self.track.causal and not self.track.continuous and not isinstance(self.track.rail, StripRail)
+
 
 def shipped() -> list[str]:
     """Return the names of the bundled tracks."""

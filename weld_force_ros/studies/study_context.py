@@ -102,7 +102,7 @@ class StudyContext:
             wheel = replace(wheel, hertz_n_per_m15=hertz_n_per_m15)
         key = (definition.text, wheel)
         if key not in self._vehicle_tracks:
-            self._vehicle_tracks[key] = VehicleTrackModel(fit_store.fitted(definition).model(), wheel)
+            self._vehicle_tracks[key] = VehicleTrackModel(fit_store.fitted_moving(definition).model(), wheel)
         return self._vehicle_tracks[key]
 
     def weld(self, name: str) -> WeldProfile:

@@ -66,6 +66,11 @@ class PoleModel:
         return int(np.sum(np.where(self.poles_rad_s.imag == 0, 1, 2)))
 
     @property
+    def uniform(self) -> bool:
+        """Return whether all supports are alike."""
+        return self.spans == 1
+
+    @property
     def opposite_m(self) -> float:
         """Return what a place x is met at against rising x, plus x."""
         return self.image_m + self.spacing_m
@@ -103,9 +108,9 @@ class PoleModel:
             input_scale=np.stack([within.real, within.imag]),
             transitions=np.empty((0, 2 * len(decay), 2 * len(decay))),
             drives=drives,
-            shapes=_in_pairs((shape * within).conj()),
+            shapes=in_pairs((shape * within).conj()),
             gains=(shape**2 * new).real.sum(axis=1),
-            at_rest=_in_pairs(rest),
+            at_rest=in_pairs(rest),
         )
 
     def _on_grid(self, at_m: FloatArray) -> tuple[ComplexArray, FloatArray]:
@@ -113,7 +118,7 @@ class PoleModel:
         key = at_m.tobytes()
         if key not in self._grids:
             shapes = np.sqrt(self.pair_weight) * self.shapes_at(at_m)
-            self._grids[key] = (shapes, _in_pairs(shapes))
+            self._grids[key] = (shapes, in_pairs(shapes))
         return self._grids[key]
 
     def receptance(self, frequency_hz: ArrayLike, at_m: ArrayLike) -> ComplexArray:
@@ -140,7 +145,7 @@ def _periodic_spline(knots_m: FloatArray, values: ComplexArray, period_m: float,
     return np.asarray(spline(np.mod(at, period_m)))
 
 
-def _in_pairs(values: ComplexArray) -> FloatArray:
+def in_pairs(values: ComplexArray) -> FloatArray:
     """Return the real and imaginary parts side by side along the last axis."""
     return np.ascontiguousarray(np.stack([values.real, values.imag], axis=-1).reshape(*values.shape[:-1], -1))
 

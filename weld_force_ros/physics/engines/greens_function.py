@@ -29,6 +29,7 @@ the figures stand there.
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -55,10 +56,12 @@ MEMORY_S = 0.125
 LEAD_IN_S = 0.12
 RUN_OUT_S = 0.08
 _MOST_REMEMBERED = 8  # speeds, up to 5 MB each
+DEFLECTIONS = 64
 _IMAGE_SPANS = 1000
 """Where the mirror image of a track lies whose supports differ: far from the track itself."""
 _WINDOW = 4.6  # ln 100
 _AROUND_SPANS = 3.0  # of rail about supports that differ, whose peaks count
+_SETTLED = 1e-3  # of the static load: from one span of smooth rail to the next
 _JUMP_DECAY_RAD_S = 2 * np.pi * 1000.0
 
 
@@ -73,6 +76,7 @@ class _Responses:
         nodes: (n_grid, 4), which rows make the response to a pulse at each grid point.
         weights: (n_grid, 4), and how much of each.
         supports: those that differ from the track's.
+        settling: steps of smooth rail until the force repeats from span to span.
     """
 
     dt: float
@@ -81,6 +85,23 @@ class _Responses:
     nodes: NDArray[np.int64]
     weights: FloatArray
     supports: _convolution.MovingSupports
+    settling: int = 0
+
+
+class MovingReceptance(NamedTuple):
+    """What a force finds that acts at a place while the contact moves on.
+
+    Attributes:
+        speed_m_s: of the contact.
+        at_m: (n_at,), where the force acts, after the sleeper.
+        receptance: (n_at, n_frequency), the transform of the contact's displacement after an impulse there, m/N.
+        deflection: (`DEFLECTIONS`,), the contact's under a constant unit force, from the sleeper on, m/N.
+    """
+
+    speed_m_s: float
+    at_m: FloatArray
+    receptance: ComplexArray
+    deflection: FloatArray
 
 
 @dataclass(frozen=True)
@@ -201,9 +222,37 @@ class GreensFunctionModel:
         force, wheel, rail = passage.columns.T
         return History(passage.x_m + from_m, force, -wheel, -rail, passage.irregularity_m)
 
+    def moving_receptance(self, speed_kmh: float, frequency_hz: FloatArray, count: int) -> MovingReceptance:
+        """Return the receptance that a force finds which moves on with the contact.
+
+        Args:
+            speed_kmh: the contact's.
+            frequency_hz: (n_frequency,).
+            count: places at which the force acts; a quarter of a step after those from the sleeper on, so that none is
+                the mirror image of another.
+        """
+        with executor(self._threads) as pool:
+            responses = self._responses(speed_kmh, False, pool)
+        points = np.round((np.arange(count) + 0.25) * responses.grid / count).astype(np.intp)
+        nodes, weights = responses.nodes, responses.weights
+        after = np.arange(responses.rows.shape[1])
+        heard = np.round(np.arange(DEFLECTIONS) * responses.grid / DEFLECTIONS).astype(np.intp)
+        begun = (heard[:, None] - after) % responses.grid  # where the force acted
+        return MovingReceptance(
+            speed_kmh / 3.6,
+            self.track.spacing_m / responses.grid * points,
+            np.einsum("aq,aqt->at", weights[points], responses.rows[nodes[points]])
+            @ np.exp(-2j * np.pi * responses.dt * np.outer(after, frequency_hz))
+            / np.sinc(frequency_hz * responses.dt) ** 2,
+            np.einsum("atq,atq->a", weights[begun], responses.rows[nodes[begun], after[None, :, None]]),
+        )
+
     def _over_weld(self, responses: _Responses, wheel_path: WheelPath, speed_kmh: float, position_m: float) -> _Passage:
         first, last = position_m + wheel_path.start_m, position_m + wheel_path.end_m
         last += max(self.track.spacing_m, RUN_OUT_S * speed_kmh / 3.6)
+        # What takes longer to settle takes longer to die out, too.
+        longer = responses.settling - int(np.ceil(LEAD_IN_S / responses.dt))
+        last += longer * self.track.spacing_m / responses.grid
         if self.supports is not None:  # the rail near them is part of what is asked for
             places, around_m = self.supports.places_m(self.track), _AROUND_SPANS * self.track.spacing_m
             first, last = min(first, places[0] - around_m), max(last, places[-1] + around_m)
@@ -213,7 +262,7 @@ class GreensFunctionModel:
         self, responses: _Responses, wheel_path: WheelPath, position_m: float, first_m: float, last_m: float
     ) -> _Passage:
         step_m = self.track.spacing_m / responses.grid
-        memory, settling = responses.rows.shape[1], int(np.ceil(LEAD_IN_S / responses.dt))
+        memory, settling = responses.rows.shape[1], responses.settling
         first = int(np.floor(first_m / step_m))
         begin = first - settling - memory
         x = step_m * np.arange(begin, int(np.ceil(last_m / step_m)) + 1)
@@ -232,7 +281,8 @@ class GreensFunctionModel:
         if responses is None:
             if len(self._remembered) >= (_MOST_REMEMBERED if self.supports is None else 2):
                 self._remembered.clear()
-            responses = self._remembered[speed_kmh, image] = self._compute_responses(speed_kmh, image, pool)
+            responses = self._compute_responses(speed_kmh, image, pool)
+            responses = self._remembered[speed_kmh, image] = replace(responses, settling=self._settling(responses))
         return responses
 
     def _compute_responses(self, speed_kmh: float, image: bool, pool: Executor) -> _Responses:
@@ -267,6 +317,22 @@ class GreensFunctionModel:
             met = self.supports.mirrored if image else self.supports
             supports = moving_supports(self.track, spectrum.at_rest, met, spectrum.transform, grid, lag)
         return _Responses(dt, grid, rows, *_interpolation(grid, every, len(nodes)), supports)
+
+    def _settling(self, responses: _Responses) -> int:
+        """Return the steps that a wheel let go on smooth rail needs: as many as usual, more on little damping."""
+        memory, usual = responses.rows.shape[1], int(np.ceil(LEAD_IN_S / responses.dt))
+        for steps in (usual, 4 * usual, 10 * usual):
+            columns = np.empty((memory + steps + responses.grid, 3))
+            _convolution.passage_by_convolution(
+                responses.rows, responses.nodes, responses.weights, unchanged(memory), 0, memory,
+                np.zeros(len(columns)), self._physics, responses.dt, columns,
+            )  # fmt: skip
+            force = columns[memory:, 0]
+            change = np.abs(force[responses.grid :] - force[: -responses.grid])
+            unsettled = np.flatnonzero(change > _SETTLED * self.wheel.static_load_n)
+            if len(unsettled) == 0 or unsettled[-1] < usual - responses.grid:
+                return usual
+        return int(unsettled[-1]) + responses.grid
 
 
 class _Spectrum:

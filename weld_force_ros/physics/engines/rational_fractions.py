@@ -51,6 +51,7 @@ class RfpModel:
     numerator: FloatArray
     spacing_m: float
     spans: ClassVar[int] = 1
+    uniform: ClassVar[bool] = True
 
     @property
     def opposite_m(self) -> float:

@@ -278,7 +278,7 @@ class ScalarBatch:
 
 def negligible_n(solver: SteadyStateSolver) -> float:
     """Return the transient that is not waited for."""
-    share = NEGLIGIBLE if solver.model.spans == 1 else _NEGLIGIBLE_IN_WINDOW
+    share = NEGLIGIBLE if solver.model.uniform else _NEGLIGIBLE_IN_WINDOW
     return share * solver.wheel.static_load_n
 
 
@@ -329,7 +329,7 @@ class SmoothExtremes(NamedTuple):
     @classmethod
     def of(cls, solver: SteadyStateSolver, smooth_n: FloatArray, stride: int) -> "SmoothExtremes | None":
         """Return those of forces (n_speed, n_grid); None where all supports are alike."""
-        if solver.model.spans == 1:
+        if solver.model.uniform:
             return None
         half = smooth_n.shape[1] // 4  # of a window; the period is two
         origins = [0, _image(solver) // stride]

@@ -51,6 +51,10 @@ class StateModel(Protocol):
         """Return the number of spans that it repeats with."""
 
     @property
+    def uniform(self) -> bool:
+        """Return whether all supports are alike, so that the rail is the same in every span."""
+
+    @property
     def opposite_m(self) -> float:
         """Return what a place x is met at against rising x, plus x."""
 

@@ -56,7 +56,7 @@ class SteadyStateSolver:
         self.grid = self.span_grid * model.spans
         self.grid_m = model.spacing_m / self.span_grid
         # Passages may begin at every longest stride; over a window of spans at fewer places, as each takes a state.
-        strides, most = self.grid // self.longest_stride, 1 if model.spans == 1 else _WINDOW_STRIDES
+        strides, most = self.grid // self.longest_stride, 1 if model.uniform else _WINDOW_STRIDES
         self.start_every = self.longest_stride * next(k for k in range(most, 0, -1) if strides % k == 0)
         self.physics = np.array([wheel.mass_kg, wheel.static_load_n, wheel.hertz_n_per_m15])
 
