@@ -21,6 +21,7 @@ from weld_force_ros.studies.study_context import (
     CONTINUOUS,
     DIP_48,
     WELDS,
+    Profile,
     Quantities,
     StudyContext,
     StudyResult,
@@ -69,8 +70,14 @@ def _receptances(context: StudyContext) -> dict[str, ComplexArray]:
     }
 
 
-def _excitation(context: StudyContext, weld: str, speed_kmh: float) -> Excitation:
-    passage = passage_records.record(context.vehicle_track(CONTINUOUS), context.wheel_path(weld, CONTINUOUS), speed_kmh)
+def quantities_over_weld_1(context: StudyContext, weld: Profile) -> Quantities:
+    """Return what claims ask for of weld 1, over a profile in its place."""
+    return _weld_1([_excitation(context, WELDS[0], speed, weld) for speed in SPEEDS_KMH])
+
+
+def _excitation(context: StudyContext, weld: str, speed_kmh: float, profile: Profile | None = None) -> Excitation:
+    wheel_path = context.wheel_path(weld if profile is None else profile, CONTINUOUS)
+    passage = passage_records.record(context.vehicle_track(CONTINUOUS), wheel_path, speed_kmh)
     force, irregularity = (
         of(passage, speed_kmh) for of in (passage_records.force_spectrum, passage_records.irregularity_spectrum)
     )

@@ -37,6 +37,8 @@ WELDS = (
 )
 
 Quantities = dict[str, float | bool | list[float]]
+Profile = tuple[FloatArray, FloatArray]
+"""Positions from a weld's centre and heights, m, (n,) each."""
 
 
 @dataclass(frozen=True)
@@ -111,17 +113,19 @@ class StudyContext:
             return self.own_weld
         return profile_file.read_profile(profile_file.find(name))
 
-    def wheel_path(self, weld: str | tuple[FloatArray, FloatArray], track: str) -> WheelPath:
+    def profile(self, name: str) -> Profile:
+        """Return the samples of a weld by its name."""
+        weld = self.weld(name)
+        return np.array(weld.x_m), np.array(weld.z_m)
+
+    def wheel_path(self, weld: str | Profile, track: str) -> WheelPath:
         """Return the wheel centre's path over a weld: a name, or positions and heights in m."""
         radius_m = self.track(track).wheel.radius_m
-        if isinstance(weld, str):
-            profile = self.weld(weld)
-            weld = np.array(profile.x_m), np.array(profile.z_m)
-        return wheel_path_over(*weld, radius_m)
+        return wheel_path_over(*(self.profile(weld) if isinstance(weld, str) else weld), radius_m)
 
     def peak_map(
         self,
-        weld: str | tuple[FloatArray, FloatArray],
+        weld: str | Profile,
         track: str,
         speeds_kmh: ArrayLike,
         positions_m: ArrayLike,
@@ -132,9 +136,7 @@ class StudyContext:
         vehicle_track = self.vehicle_track(track, hertz_n_per_m15=hertz_n_per_m15)
         return vehicle_track.peak_map(self.wheel_path(weld, track), speeds_kmh, positions_m)
 
-    def history(
-        self, weld: str | tuple[FloatArray, FloatArray], track: str, speed_kmh: float, position_m: float
-    ) -> History:
+    def history(self, weld: str | Profile, track: str, speed_kmh: float, position_m: float) -> History:
         """Simulate one passage, from a span before the weld to two spans behind it."""
         wheel_path = self.wheel_path(weld, track)
         vehicle_track = self.vehicle_track(track)
