@@ -168,6 +168,42 @@ def study_support(out: Out, quick: Quick = False, json: Json = None) -> None:
     terminal.say(f"page: {out / 'support.html'}")
 
 
+@app.command("infer")
+def study_infer(
+    out: Out,
+    weld: Annotated[int | None, typer.Option(min=1, max=5, help="One of the paper's welds; all, if not given.")] = None,
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Searches for each weld.")] = 4,
+    json: Json = None,
+) -> None:
+    """Infer shapes of the paper's five welds from its text (a minute or two a search)."""
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.studies import gallery, inference_study, study_context
+
+    folder = gallery.make_folder(out / inference_study.NAME)  # before anything is computed
+    with terminal.progress() as bar:
+        found = inference_study.run(
+            study_context.StudyContext(),
+            None if weld is None else f"weld-{weld}",
+            seeds,
+            folder,
+            lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
+        )
+    rendered = gallery.write_study(found, out)
+    gallery.write_page(
+        out / "infer.html", [rendered], title=found.title,
+        introduction="Of the paper's welds only the text is known. These shapes meet what it says of the force over "
+        "speed, as far as any was found; what else it says is held out, and counted apart.",
+    )  # fmt: skip
+    solutions = found.tables["solutions"]
+    with json_output.lines(json) as lines:
+        for row in solutions.rows:
+            json_output.write(lines, dict(zip((column.name for column in solutions.columns), row, strict=True)))
+    terminal.show_table(solutions)
+    terminal.show_table(found.tables["spread"])
+    _say_where([rendered], out)
+    terminal.say(f"page: {out / 'infer.html'}")
+
+
 def _say_where(rendered: "list[RenderedStudy]", out: Path) -> None:
     from weld_force_ros.cli import terminal
 
