@@ -204,6 +204,32 @@ def study_infer(
     terminal.say(f"page: {out / 'infer.html'}")
 
 
+@app.command("variants")
+def study_variants(out: Out, quick: Quick = False, json: Json = None) -> None:
+    """Evaluate the claims of exact geometry with the paper's fit and a fitted continuous track, too (some minutes)."""
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.studies import gallery, variants_study
+
+    gallery.make_folder(out / "variants")  # before anything is computed
+    with terminal.progress() as bar:
+        found = variants_study.run(quick, lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)))
+    rendered = gallery.write_study(found, out)
+    gallery.write_page(
+        out / "variants.html", [rendered], title=found.title,
+        introduction="Where the paper's text says how, its way beside ours: rational fractions of degree 7 over 8, and "
+        "a continuous track that is fitted to the discrete one instead of its supports smeared.",
+    )  # fmt: skip
+    counts, differing = found.tables["counts"], found.tables["claims"]
+    with json_output.lines(json) as lines:
+        for table in (counts, differing):
+            for row in table.rows:
+                json_output.write(lines, dict(zip((column.name for column in table.columns), row, strict=True)))
+    for name in ("claims", "tracks", "counts"):
+        terminal.show_table(found.tables[name])
+    _say_where([rendered], out)
+    terminal.say(f"page: {out / 'variants.html'}")
+
+
 def _say_where(rendered: "list[RenderedStudy]", out: Path) -> None:
     from weld_force_ros.cli import terminal
 

@@ -12,7 +12,6 @@ from weld_force_ros.physics.analysis.spectra import (
 )
 from weld_force_ros.physics.arrays import ComplexArray
 from weld_force_ros.physics.track import beam
-from weld_force_ros.simulation import fit_store
 from weld_force_ros.studies import passage_records
 from weld_force_ros.studies.result_table import Cell, Column, Table
 from weld_force_ros.studies.spectrum_figures import Excitation, dip_picture, receptance_picture, weld_pictures
@@ -135,8 +134,8 @@ def _track_alone(context: StudyContext, receptances: dict[str, ComplexArray]) ->
         "spectrum.position_ratio_pinned_pinned": float(ratio[near_pinned].max()),
         "spectrum.position_ratio_300hz": float(np.interp(300.0, _FREQUENCIES_HZ, ratio)),
         "spectrum.continuous_difference": float(np.sqrt(np.mean((continuous / mean - 1) ** 2))),
-        "spectrum.rfp_error_bilbao": fit_store.fitted(context.track(BILBAO), "rfp").error,
-        "spectrum.rfp_error_continuous": fit_store.fitted(context.track(CONTINUOUS), "rfp").error,
+        "spectrum.rfp_error_bilbao": context.rfp_error(BILBAO),
+        "spectrum.rfp_error_continuous": context.rfp_error(CONTINUOUS),
     }
 
 

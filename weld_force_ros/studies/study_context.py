@@ -17,6 +17,7 @@ from weld_force_ros.messages import WeldProfile
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History, VehicleTrackModel
 from weld_force_ros.physics.passage.peak_map import PeakMap
+from weld_force_ros.physics.passage.state_space import StateModel
 from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
 from weld_force_ros.simulation import fit_store, track_file
@@ -104,8 +105,16 @@ class StudyContext:
             wheel = replace(wheel, hertz_n_per_m15=hertz_n_per_m15)
         key = (definition.text, wheel)
         if key not in self._vehicle_tracks:
-            self._vehicle_tracks[key] = VehicleTrackModel(fit_store.fitted(definition).model(), wheel)
+            self._vehicle_tracks[key] = VehicleTrackModel(self.model(track), wheel)
         return self._vehicle_tracks[key]
+
+    def model(self, track: str) -> StateModel:
+        """Return the fit of a track that passages are computed with."""
+        return fit_store.fitted(self.track(track)).model()
+
+    def rfp_error(self, track: str) -> float:
+        """Return how far rational fractions of the paper's degrees are from a track, as fits state it."""
+        return fit_store.fitted(self.track(track), "rfp").error
 
     def weld(self, name: str) -> WeldProfile:
         """Return a shipped profile by name, or the user's own."""
