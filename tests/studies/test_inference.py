@@ -11,7 +11,7 @@ from weld_force_ros.errors import InputError
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.studies import claims, inference, inference_study, no_progress, shape_prior
 from weld_force_ros.studies.claims import Claim, Condition
-from weld_force_ros.studies.inference import Inference, Solution, chosen, cost_of, met
+from weld_force_ros.studies.inference import Inference, Solution, chosen, cost_of, held
 from weld_force_ros.studies.shape_prior import Term, curvature_share, profile_of, rms_gradient, terms_of
 from weld_force_ros.studies.study_context import Quantities, StudyContext
 from weld_force_ros.studies.weld_map import upward_ramp
@@ -135,11 +135,17 @@ def test_the_nearer_a_quantity_the_less_it_costs():
     assert len(set(costs)) == 5
 
 
-def test_claims_met_are_counted_by_role():
-    measured: Quantities = {"map.linearity_weld_4": 0.98, "map.peak_on_ramp_share_weld_4": 0.5}
-    assert met("fitted", measured) == (1, 2)
-    assert met("held-out", measured) == (0, 0)
-    assert met("held-out", {"map.position_spread_weld_4": 0.1}) == (1, 1)
+def test_claims_hold_as_far_as_they_were_measured_and_are_counted_by_role():
+    measured: Quantities = {
+        "map.linearity_weld_4": 0.98, "map.peak_on_ramp_share_weld_4": 0.5, "map.position_spread_weld_4": 0.1,
+    }  # fmt: skip
+    found = inference_study.Found(solution("weld-4"), held(measured))
+    assert found.held == {
+        "weld-4-linear": True, "weld-4-peak-from-ramp": False, "weld-4-position-does-not-matter": True,
+    }  # fmt: skip
+    assert found.counted("fitted") == (1, 2)
+    assert found.counted("held-out") == (1, 1)
+    assert held({}) == {}
 
 
 def test_a_search_is_given_fitted_claims_only():
@@ -213,6 +219,7 @@ def test_the_command_leaves_shapes_that_are_read_as_welds_and_says_how_they_came
     np.testing.assert_allclose(profile.x_m, stored.profile[0], atol=1e-12)
     np.testing.assert_allclose(profile.z_m, stored.profile[1], atol=0.51e-9)
     assert (tmp_path / "infer.html").exists()
+    assert "weld-4,weld-4-linear,fitted,2,2" in (tmp_path / "infer" / "claims.csv").read_text(encoding="utf-8")
     assert main(["study", "infer", "--weld", "6", "--out", str(tmp_path)]) == 2
 
 

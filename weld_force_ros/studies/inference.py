@@ -15,7 +15,7 @@ from scipy.optimize import OptimizeResult, differential_evolution
 
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.studies import claims, curve_study, increment_study, motion_study, shape_prior, spectrum_study
-from weld_force_ros.studies.claims import Claim, Condition, Quantity, Role
+from weld_force_ros.studies.claims import Claim, Condition, Quantity
 from weld_force_ros.studies.map_quantities import of_weld
 from weld_force_ros.studies.shape_prior import Prior, Term
 from weld_force_ros.studies.study_context import Profile, Quantities, StudyContext
@@ -149,11 +149,10 @@ def _distance(condition: Condition, value: float | bool | str) -> float:
     return abs(value - limit) / scale
 
 
-def met(role: Role, measured: Quantities) -> tuple[int, int]:
-    """Return how many claims of a role hold, as far as they were measured, and how many were measured at all."""
-    costs = [cost_of(claim, measured) for claim in claims.load() if claim.role == role]
-    known = [cost for cost in costs if cost is not None]
-    return sum(cost == 0 for cost in known), len(known)
+def held(measured: Quantities) -> dict[str, bool]:
+    """Return of each claim with a role, by its id, whether it holds as far as it was measured; none that was not."""
+    costs = {claim.id: cost_of(claim, measured) for claim in claims.load() if claim.role}
+    return {name: cost == 0 for name, cost in costs.items() if cost is not None}
 
 
 def chosen(solutions: Sequence[Solution]) -> Solution:

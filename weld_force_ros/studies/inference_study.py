@@ -13,9 +13,10 @@ from weld_force_ros.errors import InputError, os_errors_as
 from weld_force_ros.physics.analysis.geometry import classify
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report.figures import new_figure
-from weld_force_ros.studies import StartProgress, shape_prior
+from weld_force_ros.studies import StartProgress, claims, shape_prior
+from weld_force_ros.studies.claims import Role
 from weld_force_ros.studies.figure_style import COLOURS
-from weld_force_ros.studies.inference import GENERATIONS, Inference, Solution, chosen, met
+from weld_force_ros.studies.inference import GENERATIONS, Inference, Solution, chosen, held
 from weld_force_ros.studies.result_table import Cell, Column, Table
 from weld_force_ros.studies.shape_prior import Prior
 from weld_force_ros.studies.study_context import Picture, StudyContext, StudyResult
@@ -24,19 +25,24 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NAME = "infer"
+ROLES = {claim.id: claim.role for claim in claims.load() if claim.role}
 _WRITABLE = "name a writable folder with --out"
 
 
 @dataclass(frozen=True)
 class Found:
-    """A solution, and the claims that it meets of those that were measured: (met, measured) by role.
+    """A solution, and of each claim that was measured whether it holds.
 
-    Claims on several welds count as far as they ask for something of this one.
+    Claims on several welds hold as far as they ask for something of this one.
     """
 
     solution: Solution
-    fitted: tuple[int, int]
-    held_out: tuple[int, int]
+    held: dict[str, bool]
+
+    def counted(self, role: Role) -> tuple[int, int]:
+        """Return how many claims of a role hold, and how many were measured."""
+        mine = [holds for name, holds in self.held.items() if ROLES[name] == role]
+        return sum(mine), len(mine)
 
 
 def run(
@@ -60,7 +66,10 @@ def run(
         for solution in solutions:
             _write_profile(folder / f"{name}-seed-{solution.seed}.csv", solution, priors[name])
         _write_profile(folder / f"{name}.csv", chosen(solutions), priors[name])
-    tables = {"solutions": _solution_table(found), "shapes": _shape_table(found), "spread": _spread_table(found)}
+    tables = {
+        "solutions": _solution_table(found), "claims": _claim_table(found), "shapes": _shape_table(found),
+        "spread": _spread_table(found),
+    }  # fmt: skip
     return StudyResult(NAME, "Shapes inferred from the text", [_picture(found)], tables)
 
 
@@ -82,8 +91,7 @@ def _solution(inference: Inference, seed: int, folder: Path, start_progress: Sta
 
 
 def _counted(inference: Inference, solution: Solution) -> Found:
-    measured = inference.all_quantities(solution.profile)
-    return Found(solution, met("fitted", measured), met("held-out", measured))
+    return Found(solution, held(inference.all_quantities(solution.profile)))
 
 
 def _write_profile(path: Path, solution: Solution, prior: Prior) -> None:
@@ -128,11 +136,26 @@ def _solution_table(found: dict[str, list[Found]]) -> Table:
             profile = one.solution.profile
             geometry = classify(*profile)
             rows.append((
-                name, float(one.solution.seed), one.solution.cost, *map(float, (*one.fitted, *one.held_out)),
+                name, float(one.solution.seed), one.solution.cost,
+                *map(float, one.counted("fitted")), *map(float, one.counted("held-out")),
                 geometry.dip_m, geometry.protrusion_m, 1e3 * shape_prior.rms_gradient(profile),
                 one.solution is shipped,
             ))  # fmt: skip
     return Table("Shapes that the searches ended with, and claims that each meets", columns, rows)
+
+
+def _claim_table(found: dict[str, list[Found]]) -> Table:
+    """Return how many of a weld's solutions meet each claim: none, where no shape that was found can."""
+    columns = (
+        Column("weld", "weld"), Column("claim", "claim"), Column("role", "role"), Column("solutions_met", "met", 0),
+        Column("solutions", "of", 0),
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = [
+        (name, claim, ROLES[claim], float(sum(one.held[claim] for one in several)), float(len(several)))
+        for name, several in found.items()
+        for claim in several[0].held
+    ]
+    return Table("Solutions that meet each claim, as far as it concerns one weld alone", columns, rows)
 
 
 def _shape_table(found: dict[str, list[Found]]) -> Table:
@@ -191,9 +214,10 @@ def _draw(found: dict[str, list[Found]]) -> "Figure":
             thick = one.solution is shipped
             colour, width = (COLOURS[1], 1.8) if thick else (COLOURS[0], 0.8)
             axes.plot(x_cm, one.solution.profile[1] * 1e6, color=colour, linewidth=width, zorder=3 if thick else 2)
-        (counted,) = [one for one in several if one.solution is shipped]
-        fitted, held_out = (f"{count} of {total}" for count, total in (counted.fitted, counted.held_out))
-        axes.set_title(f"{name}: {fitted} fitted, {held_out} held out", fontsize=9, loc="left")
+        (shown,) = [one for one in several if one.solution is shipped]
+        counts = (*shown.counted("fitted"), *shown.counted("held-out"))
+        title = "{}: {} of {} fitted, {} of {} held out".format(name, *counts)
+        axes.set_title(title, fontsize=9, loc="left")
         axes.set_ylabel("height, µm")
     panels[-1].set_xlabel("distance from the weld's centre, cm")
     return figure
