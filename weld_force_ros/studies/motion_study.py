@@ -174,7 +174,7 @@ def quantities_over_weld_5(context: StudyContext, weld: Profile) -> Quantities:
 
 def _claim_quantities(context: StudyContext, profile: Profile, motions: dict[float, Motion]) -> Quantities:
     static_n = context.track(BILBAO).wheel.static_load_n
-    depth_m = -float(profile[1].min())
+    depth_m = -float(profile[1].min()) or np.nan
     welds = [motion.on(-_HALF_WELD_M, _HALF_WELD_M) for motion in motions.values()]
     wheel = [-float(weld.wheel_m.min()) / depth_m for weld in welds]
     rail = [-float(weld.surface_m.min()) / depth_m for weld in welds]

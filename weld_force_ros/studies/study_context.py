@@ -29,13 +29,8 @@ if TYPE_CHECKING:
 
 BILBAO, CONTINUOUS, JOHANSSON_NIELSEN = "bilbao", "bilbao-continuous", "johansson-nielsen"
 DIP_48, DIP_96, RISE_48, FLAT = "cosine-dip-48mm", "cosine-dip-96mm", "cosine-rise-48mm", "wheel-flat-0.9mm"
-WELDS = (
-    "weld-1-dip",
-    "weld-2-rise-between-shrinkages",
-    "weld-3-long-ground-dip",
-    "weld-4-steep-ramp",
-    "weld-5-ramp-protrusion",
-)
+WELDS = tuple(f"weld-{number}" for number in range(1, 6))
+"""The paper's welds, as inferred from its text."""
 
 Quantities = dict[str, float | bool | list[float]]
 Profile = tuple[FloatArray, FloatArray]
