@@ -139,7 +139,8 @@ def test_claims_hold_as_far_as_they_were_measured_and_are_counted_by_role():
     measured: Quantities = {
         "map.linearity_weld_4": 0.98, "map.peak_on_ramp_share_weld_4": 0.5, "map.position_spread_weld_4": 0.1,
     }  # fmt: skip
-    found = inference_study.Found(solution("weld-4"), held(measured))
+    given = frozenset({"weld-4-linear", "weld-4-peak-from-ramp"})
+    found = inference_study.Found(solution("weld-4"), held(measured), given)
     assert found.held == {
         "weld-4-linear": True, "weld-4-peak-from-ramp": False, "weld-4-position-does-not-matter": True,
     }  # fmt: skip
@@ -150,9 +151,16 @@ def test_claims_hold_as_far_as_they_were_measured_and_are_counted_by_role():
 
 def test_a_search_is_given_fitted_claims_only():
     roles = {subject.id: subject.role for subject in claims.load()}
-    given = Inference("weld-1", PRIORS["weld-1"], StudyContext()).fitted
+    given = Inference("weld-1", PRIORS["weld-1"], StudyContext()).given
     assert given
     assert {roles[subject.id] for subject in given} == {"fitted"}
+
+
+def test_a_search_may_be_given_a_study_more_which_then_counts_as_fitted():
+    plain, also = (Inference("weld-1", PRIORS["weld-1"], StudyContext(), study).given for study in (None, "motion"))
+    more = [subject for subject in also if subject not in plain]
+    assert len(more) >= 5
+    assert {(subject.study, subject.role) for subject in more} == {("motion", "held-out")}
 
 
 def test_the_solution_that_ships_is_that_of_least_cost_and_of_equals_the_gentlest():
@@ -165,7 +173,7 @@ def test_a_shape_that_the_wheel_touches_twice_costs_more_than_any_other():
     sought = Inference("weld-1", PRIORS["weld-1"], StudyContext())
     # 500 um at a length of 15 mm curve by 2.2 / m, the wheel itself by 1 / 0.45 m.
     cost = sought.cost(np.array([-500.0, 0.0, 15.0]))
-    assert cost == pytest.approx(len(sought.fitted) + 500e-6 / 0.015**2 * 0.45 - 0.85, abs=0.02)
+    assert cost == pytest.approx(len(sought.given) + 500e-6 / 0.015**2 * 0.45 - 0.85, abs=0.02)
 
 
 @pytest.fixture
@@ -221,6 +229,16 @@ def test_the_command_leaves_shapes_that_are_read_as_welds_and_says_how_they_came
     assert (tmp_path / "infer.html").exists()
     assert "weld-4,weld-4-linear,fitted,2,2" in (tmp_path / "infer" / "claims.csv").read_text(encoding="utf-8")
     assert main(["study", "infer", "--weld", "6", "--out", str(tmp_path)]) == 2
+
+
+@pytest.mark.usefixtures("quick")
+def test_what_a_search_was_given_beside_is_said_in_its_files(tmp_path):
+    folder = tmp_path / "infer"
+    options = ["study", "infer", "--also", "motion", "--seeds", "1", "--out", str(tmp_path)]
+    assert main([*options, "--weld", "1"]) == 0
+    assert "given also what is held out of the study motion" in (folder / "weld-1-also-motion.csv").read_text("utf-8")
+    assert not (folder / "weld-1.csv").exists()
+    assert main(options) == 2
 
 
 def test_a_weld_that_is_not_the_papers_is_refused(tmp_path):

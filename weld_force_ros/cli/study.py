@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -173,6 +173,10 @@ def study_infer(
     out: Out,
     weld: Annotated[int | None, typer.Option(min=1, max=5, help="One of the paper's welds; all, if not given.")] = None,
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Searches for each weld.")] = 4,
+    also: Annotated[
+        Literal["motion", "increment", "spectrum"] | None,
+        typer.Option(help="Of weld 1: give the search this study's claims, too, to see whether any shape meets them."),
+    ] = None,
     json: Json = None,
 ) -> None:
     """Infer shapes of the paper's five welds from its text (a minute or two a search)."""
@@ -187,6 +191,7 @@ def study_infer(
             seeds,
             folder,
             lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
+            also,
         )
     rendered = gallery.write_study(found, out)
     gallery.write_page(

@@ -8,6 +8,7 @@ held out are not looked at before a search has ended.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal, TypeAlias
 
 import msgspec
 import numpy as np
@@ -23,6 +24,12 @@ from weld_force_ros.studies.weld_map import weld_maps
 
 GENERATIONS = 40
 _MEMBERS_PER_PARAMETER = 4
+StudyOfWeld1: TypeAlias = Literal["motion", "increment", "spectrum"]
+_OF_WELD_1: dict[StudyOfWeld1, Callable[[StudyContext, Profile], Quantities]] = {
+    "motion": motion_study.quantities_over_weld_1,
+    "increment": increment_study.quantities_over_weld_1,
+    "spectrum": spectrum_study.quantities_over_weld_1,
+}
 _NO_SCALE_N = 10e3  # a tenth of the static load: how far a force is from the sign that it should have
 
 
@@ -35,6 +42,7 @@ class Solution(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         cost: what is left of it; 0 if the shape meets every fitted claim.
         terms: of the shape.
         prior_sha256: of the prior that it was drawn from.
+        also: as of `Inference`.
     """
 
     weld: str
@@ -42,6 +50,7 @@ class Solution(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     cost: float
     terms: list[Term]
     prior_sha256: str
+    also: StudyOfWeld1 | None = None
 
     @property
     def profile(self) -> Profile:
@@ -57,11 +66,14 @@ class Inference:
         weld: `weld-1` to `weld-5`.
         prior: of its shape.
         context: the paper's track and wheel.
+        also: a study of weld 1 whose claims the search is given, too, though they are held out: to see whether any
+            shape meets them.
     """
 
     weld: str
     prior: Prior
     context: StudyContext
+    also: StudyOfWeld1 | None = None
 
     @property
     def number(self) -> int:
@@ -69,26 +81,28 @@ class Inference:
         return int(self.weld[-1])
 
     @cached_property
-    def fitted(self) -> list[Claim]:
-        """Return the claims that a search is given."""
-        return [claim for claim in claims.load() if claim.role == "fitted"]
+    def given(self) -> list[Claim]:
+        """Return the claims that a search is given: the fitted ones, and those of the study `also`."""
+        return [c for c in claims.load() if c.role == "fitted" or (c.role and c.study == self.also)]
 
     def cost(self, parameters: FloatArray) -> float:
-        """Return how far a shape is from meeting the fitted claims; more than any such, if a wheel touches it twice."""
+        """Return how far a shape is from meeting the claims given; more than any such, if a wheel touches it twice."""
         profile = shape_prior.profile_of(shape_prior.terms_of(parameters))
         excess = shape_prior.curvature_share(profile) - shape_prior.MOST_CURVATURE
         if excess > 0:
-            return len(self.fitted) + excess
+            return len(self.given) + excess
         measured = self.quantities(profile)
-        return sum(cost_of(claim, measured) or 0.0 for claim in self.fitted)
+        return sum(cost_of(claim, measured) or 0.0 for claim in self.given)
 
     def quantities(self, profile: Profile) -> Quantities:
-        """Return what fitted claims ask for of this weld, as the studies measure it."""
+        """Return what the claims given ask for of this weld, as the studies measure it."""
         with np.errstate(all="ignore"):  # a shape without a hollow has no depth
             (weld_map,) = weld_maps(self.context, {self.weld: profile})
             measured = of_weld(self.number, weld_map)
             if self.number == 1:
                 measured |= curve_study.quantities_over(self.context, profile)
+                if self.also:
+                    measured |= _OF_WELD_1[self.also](self.context, profile)
             if self.number == 5:
                 measured |= motion_study.quantities_over_weld_5(self.context, profile)
         return measured
@@ -97,8 +111,8 @@ class Inference:
         """Return also what claims that are held out ask for of this weld."""
         measured = self.quantities(profile)
         if self.number == 1:
-            for study in (motion_study, increment_study, spectrum_study):
-                measured |= study.quantities_over_weld_1(self.context, profile)
+            for quantities_of in _OF_WELD_1.values():
+                measured |= quantities_of(self.context, profile)
         return measured
 
     def search(self, seed: int, on_generation: Callable[[], object] = lambda: None) -> Solution:
@@ -112,8 +126,14 @@ class Inference:
             self.cost, self.prior.bounds, rng=np.random.default_rng(seed), popsize=_MEMBERS_PER_PARAMETER,
             maxiter=GENERATIONS, mutation=(0.4, 0.9), recombination=0.8, polish=False, callback=ended,
         )  # fmt: skip
-        terms = shape_prior.terms_of(found.x)
-        return Solution(weld=self.weld, seed=seed, cost=float(found.fun), terms=terms, prior_sha256=self.prior.sha256)
+        return Solution(
+            weld=self.weld,
+            seed=seed,
+            cost=float(found.fun),
+            terms=shape_prior.terms_of(found.x),
+            prior_sha256=self.prior.sha256,
+            also=self.also,
+        )
 
 
 def cost_of(claim: Claim, measured: Quantities) -> float | None:

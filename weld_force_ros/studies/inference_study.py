@@ -13,10 +13,10 @@ from weld_force_ros.errors import InputError, os_errors_as
 from weld_force_ros.physics.analysis.geometry import classify
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report.figures import new_figure
-from weld_force_ros.studies import StartProgress, claims, shape_prior
+from weld_force_ros.studies import StartProgress, shape_prior
 from weld_force_ros.studies.claims import Role
 from weld_force_ros.studies.figure_style import COLOURS
-from weld_force_ros.studies.inference import GENERATIONS, Inference, Solution, chosen, held
+from weld_force_ros.studies.inference import GENERATIONS, Inference, Solution, StudyOfWeld1, chosen, held
 from weld_force_ros.studies.result_table import Cell, Column, Table
 from weld_force_ros.studies.shape_prior import Prior
 from weld_force_ros.studies.study_context import Picture, StudyContext, StudyResult
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NAME = "infer"
-ROLES = {claim.id: claim.role for claim in claims.load() if claim.role}
 _WRITABLE = "name a writable folder with --out"
 
 
@@ -38,34 +37,46 @@ class Found:
 
     solution: Solution
     held: dict[str, bool]
+    given: frozenset[str]
+
+    def role(self, claim: str) -> Role:
+        """Return whether the search was given a claim."""
+        return "fitted" if claim in self.given else "held-out"
 
     def counted(self, role: Role) -> tuple[int, int]:
         """Return how many claims of a role hold, and how many were measured."""
-        mine = [holds for name, holds in self.held.items() if ROLES[name] == role]
+        mine = [holds for name, holds in self.held.items() if self.role(name) == role]
         return sum(mine), len(mine)
 
 
 def run(
-    context: StudyContext, weld: str | None, seeds: int, folder: Path, start_progress: StartProgress
+    context: StudyContext,
+    weld: str | None,
+    seeds: int,
+    folder: Path,
+    start_progress: StartProgress,
+    also: StudyOfWeld1 | None = None,
 ) -> StudyResult:
     """Search with seeds 1 to `seeds`, for one weld or all, and write each shape into a folder, which exists.
 
     A search whose result is in the folder is not run again, unless the prior has changed since.
 
     Raises:
-        InputError: no weld of that name, or a file that cannot be read or written.
+        InputError: no weld of that name, or none that `also` is a study of, or a file that cannot be read or written.
     """
     priors = shape_prior.load()
     if weld is not None and weld not in priors:
         raise InputError(f"{weld}: not a weld of the paper", f"name one of {', '.join(priors)}")
+    if also and weld != "weld-1":
+        raise InputError(f"the study {also} has claims on weld 1 alone", "add --weld 1")
     found: dict[str, list[Found]] = {}
     for name in priors if weld is None else [weld]:
-        inference = Inference(name, priors[name], context)
+        inference = Inference(name, priors[name], context, also)
         solutions = [_solution(inference, seed, folder, start_progress) for seed in range(1, seeds + 1)]
         found[name] = [_counted(inference, solution) for solution in solutions]
         for solution in solutions:
-            _write_profile(folder / f"{name}-seed-{solution.seed}.csv", solution, priors[name])
-        _write_profile(folder / f"{name}.csv", chosen(solutions), priors[name])
+            _write_profile(folder / f"{_stem(inference)}-seed-{solution.seed}.csv", solution, priors[name])
+        _write_profile(folder / f"{_stem(inference)}.csv", chosen(solutions), priors[name])
     tables = {
         "solutions": _solution_table(found), "claims": _claim_table(found), "shapes": _shape_table(found),
         "spread": _spread_table(found),
@@ -73,8 +84,12 @@ def run(
     return StudyResult(NAME, "Shapes inferred from the text", [_picture(found)], tables)
 
 
+def _stem(inference: Inference) -> str:
+    return f"{inference.weld}-also-{inference.also}" if inference.also else inference.weld
+
+
 def _solution(inference: Inference, seed: int, folder: Path, start_progress: StartProgress) -> Solution:
-    path = folder / f"{inference.weld}-seed-{seed}.json"
+    path = folder / f"{_stem(inference)}-seed-{seed}.json"
     if path.exists():
         with os_errors_as(InputError, path, "name a readable folder with --out"):
             data = path.read_bytes()
@@ -91,7 +106,8 @@ def _solution(inference: Inference, seed: int, folder: Path, start_progress: Sta
 
 
 def _counted(inference: Inference, solution: Solution) -> Found:
-    return Found(solution, held(inference.all_quantities(solution.profile)))
+    given = frozenset(claim.id for claim in inference.given)
+    return Found(solution, held(inference.all_quantities(solution.profile)), given)
 
 
 def _write_profile(path: Path, solution: Solution, prior: Prior) -> None:
@@ -108,7 +124,8 @@ def profile_text(solution: Solution, prior: Prior) -> str:
         "Inferred from the text of the 2018 paper on forces over welds; not measured, not digitised from its figures,",
         "which were not available. One of several shapes found for the claims that are fitted in claims.yaml.",
         f"Geometry in words - {prior.words.replace(':', ' -')}",
-        f"Found by weld-force study infer, {solution.weld}, seed {solution.seed}, cost {solution.cost:.3g}",
+        f"Found by weld-force study infer, {solution.weld}, seed {solution.seed}, cost {solution.cost:.3g}"
+        + (f", given also what is held out of the study {solution.also}" if solution.also else ""),
         f"Sum of Gaussians (height, place from the centre, standard deviation), tapered at the ends - {terms}",
         "x_unit: mm",
         "z_unit: um",
@@ -151,7 +168,7 @@ def _claim_table(found: dict[str, list[Found]]) -> Table:
         Column("solutions", "of", 0),
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = [
-        (name, claim, ROLES[claim], float(sum(one.held[claim] for one in several)), float(len(several)))
+        (name, claim, several[0].role(claim), float(sum(one.held[claim] for one in several)), float(len(several)))
         for name, several in found.items()
         for claim in several[0].held
     ]
