@@ -179,10 +179,10 @@ def test_inferred_shapes_are_what_the_captions_say() -> None:
     assert heights["weld-3"][lowest] < 0 < min(heights["weld-3"][:lowest].max(), heights["weld-3"][lowest:].max())
     below_half = {name: np.sum(heights[name] < heights[name].min() / 2) for name in ("weld-1", "weld-3")}
     assert below_half["weld-3"] > 2 * below_half["weld-1"]
-    # 4 and 5: no dip, or one that is negligible: a fifth. 4 begins with the steepest ramp and is the higher.
+    # 4 and 5: no dip, or one that is negligible: a fifth. 4 begins with its ramp, its steepest part, and is the higher.
     assert all(-heights[name].min() < 0.2 * heights[name].max() for name in ("weld-4", "weld-5"))
-    steepest = {name: np.diff(heights[name]).max() for name in ("weld-4", "weld-5")}
-    assert steepest["weld-4"] > steepest["weld-5"]
+    steps = np.diff(heights["weld-4"])
+    assert steps.max() > -steps.min()
     assert x_mm[np.diff(heights["weld-4"]).argmax()] < -100
     assert heights["weld-4"].max() > heights["weld-5"].max()
 
