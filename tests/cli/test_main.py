@@ -12,7 +12,7 @@ from typer.main import get_command
 
 from weld_force_ros import SOFTWARE
 from weld_force_ros.cli.main import app, main
-from weld_force_ros.measurement.profile_file import shipped
+from weld_force_ros.measurement.shapes import REFERENCE_SHAPES
 from weld_force_ros.messages import SCHEMAS, ForceMap, Verdict, decode, json_schema
 from weld_force_ros.recording.recording import open_recording
 
@@ -161,7 +161,7 @@ def test_replay_of_the_demos_bags_finds_every_verdict_equal(capfd, arguments, ol
 def test_replay_without_verify_prints_the_verdicts_computed_again(capfd):
     code, lines, _ = run(capfd, "replay", str(BAG_OF_1_1), "--json", "-")
     assert code == 0
-    assert {decode(Verdict, line).weld_id for line in lines} == set(shipped())
+    assert {decode(Verdict, line).weld_id for line in lines} == set(REFERENCE_SHAPES)
 
 
 def test_replay_what_if_is_a_command_with_options_of_its_own(capfd):

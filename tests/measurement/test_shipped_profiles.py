@@ -4,12 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from weld_force_ros.errors import ProfileError
 from weld_force_ros.measurement.profile_file import find, read_profile, shipped
 from weld_force_ros.measurement.shapes import REFERENCE_SHAPES, cosine_dip, ramp
 
 WHEEL_RADIUS_M = 0.45
+INFERRED = tuple(f"weld-{number}" for number in range(1, 6))
+ALL = sorted({*REFERENCE_SHAPES, *INFERRED})
 
 
 def table_of(name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -18,8 +21,15 @@ def table_of(name: str) -> tuple[np.ndarray, np.ndarray]:
     return x_mm * 1e-3, z_um * 1e-6
 
 
-def test_every_formula_is_shipped_and_nothing_else() -> None:
-    assert set(shipped()) == set(REFERENCE_SHAPES)
+def test_every_formula_and_every_inferred_weld_is_shipped_and_nothing_else() -> None:
+    assert sorted(shipped()) == ALL
+
+
+@pytest.mark.parametrize("name", INFERRED)
+def test_an_inferred_shape_says_what_it_is_and_how_it_was_found(name: str) -> None:
+    header = "".join(line for line in shipped()[name].read_text(encoding="utf-8").splitlines() if line[0] == "#")
+    for words in ("Inferred from the text", "not measured, not digitised", "study infer", "seed", "cost"):
+        assert words in header
 
 
 @pytest.mark.parametrize("name", sorted(REFERENCE_SHAPES))
@@ -29,7 +39,7 @@ def test_shipped_file_equals_its_formula(name: str) -> None:
     np.testing.assert_allclose(z_m, REFERENCE_SHAPES[name](x_m), rtol=0, atol=1.01 * rounding_m)
 
 
-@pytest.mark.parametrize("name", sorted(REFERENCE_SHAPES))
+@pytest.mark.parametrize("name", ALL)
 def test_shipped_file_is_read_under_its_own_name(name: str) -> None:
     profile = read_profile(find(name))
     x_m, z_m = table_of(name)
@@ -38,7 +48,7 @@ def test_shipped_file_is_read_under_its_own_name(name: str) -> None:
     np.testing.assert_allclose(profile.z_m, z_m, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", sorted(REFERENCE_SHAPES))
+@pytest.mark.parametrize("name", ALL)
 def test_shipped_profile_joins_the_rail_smoothly(name: str) -> None:
     x_m, z_m = table_of(name)
     assert z_m[0] == z_m[-1] == 0.0
@@ -55,13 +65,13 @@ def largest_jump_of_contact(heights_m: np.ndarray, x_m: np.ndarray) -> float:
     return float(np.diff(x_m[gap.argmax(axis=1)]).max())
 
 
-@pytest.mark.parametrize("name", sorted(REFERENCE_SHAPES))
+@pytest.mark.parametrize("name", ALL)
 def test_wheel_touches_every_shipped_shape_in_one_point(name: str) -> None:
     x_m, _ = table_of(name)
     fine = np.linspace(x_m[0], x_m[-1], 1601)
-    z_m = REFERENCE_SHAPES[name](fine)
+    z_m = CubicSpline(*table_of(name))(fine) if name in INFERRED else REFERENCE_SHAPES[name](fine)
     share_of_wheel_curvature = np.gradient(np.gradient(z_m, fine), fine).max() * WHEEL_RADIUS_M
-    assert share_of_wheel_curvature < (0.85 if name.startswith("wheel") else 0.25)
+    assert share_of_wheel_curvature < (0.85 if name in {"wheel-flat-0.9mm", *INFERRED} else 0.25)
     # Where the profile's curvature is c, the contact advances by 1 / (1 - c R) per unit of the wheel's way.
     step = fine[1] - fine[0]
     assert largest_jump_of_contact(z_m, fine) < step / (1 - share_of_wheel_curvature) + 1.5 * step
@@ -150,6 +160,31 @@ def test_weld_5_is_a_protrusion_with_small_central_dips() -> None:
     assert min(dips) > 0.5 * z_um.max()
     assert z_m.min() >= 0.0
     assert np.ptp(z_m) < 0.5 * np.ptp(table_of("weld-4-steep-ramp")[1])
+
+
+def test_inferred_shapes_are_what_the_captions_say() -> None:
+    heights = {name: table_of(name)[1] * 1e6 for name in INFERRED}
+    x_mm = table_of("weld-1")[0] * 1e3 - 500
+    central = np.abs(x_mm) <= 100
+    # 1: its distinguishing feature is a dip in the central region.
+    assert abs(x_mm[np.argmin(heights["weld-1"])]) <= 30
+    assert -heights["weld-1"].min() > heights["weld-1"].max()
+    # 2: a rise in the central region between shrinkages, the first, close to cm 47, the larger.
+    first, rise = np.argmin(heights["weld-2"]), np.argmax(np.where(central, heights["weld-2"], -np.inf))
+    assert x_mm[first] == pytest.approx(-30, abs=25)
+    assert first < rise
+    assert heights["weld-2"][first] < heights["weld-2"][rise:].min() < 0 < heights["weld-2"][rise]
+    # 3: a dip in the centre, much longer than that of weld 1, between protrusions.
+    lowest = np.argmin(np.where(central, heights["weld-3"], np.inf))
+    assert heights["weld-3"][lowest] < 0 < min(heights["weld-3"][:lowest].max(), heights["weld-3"][lowest:].max())
+    below_half = {name: np.sum(heights[name] < heights[name].min() / 2) for name in ("weld-1", "weld-3")}
+    assert below_half["weld-3"] > 2 * below_half["weld-1"]
+    # 4 and 5: no dip, or one that is negligible: a fifth. 4 begins with its ramp, its steepest part, and is the higher.
+    assert all(-heights[name].min() < 0.2 * heights[name].max() for name in ("weld-4", "weld-5"))
+    steps = np.diff(heights["weld-4"])
+    assert steps.max() > -steps.min()
+    assert x_mm[np.diff(heights["weld-4"]).argmax()] < -100
+    assert heights["weld-4"].max() > heights["weld-5"].max()
 
 
 def test_name_or_path_is_found(tmp_path: Path) -> None:

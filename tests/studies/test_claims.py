@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.studies import claims
-from weld_force_ros.studies.claims import Claim, Condition, EvaluatedClaim, GeometrySource, StudyName
+from weld_force_ros.studies.claims import Claim, Condition, EvaluatedClaim, GeometrySource, Role, StudyName
 
 SHIPPED = claims.load()
 WELL_FORMED = """
@@ -26,12 +26,15 @@ WELL_FORMED = """
 """
 
 
-def claim(*criteria: Condition, geometry: GeometrySource = "exact", if_not: str | None = None) -> Claim:
+def claim(
+    *criteria: Condition, geometry: GeometrySource = "exact", role: Role | None = None, if_not: str | None = None
+) -> Claim:
     return Claim(
         id="a-claim",
         where="section 6",
         statement="Something is so.",
         geometry=geometry,
+        role=role,
         study="length",
         criteria=list(criteria),
         note="Because it is.",
@@ -126,12 +129,12 @@ def test_each_of_several_quantities_is_named():
     assert measured == "maximum 53 km/h, required: 51.4 to 54.6 km/h; grows no, required: yes"
 
 
-def test_a_difference_says_which_quantity_what_it_means_and_that_the_shape_is_assumed():
-    subject = claim(MAXIMUM, RATIO, geometry="assumed", if_not="It depends on the fit.")
+def test_a_difference_says_which_quantity_what_it_means_and_that_the_shape_is_inferred():
+    subject = claim(MAXIMUM, RATIO, geometry="inferred", role="fitted", if_not="It depends on the fit.")
     why = evaluated(subject, maximum_kmh=53.0, ratio=0.1).why
     assert why == (
         "Does not meet its criteria: ratio. It depends on the fit. "
-        "The shape is assumed, since the paper does not give it"
+        "The shape is inferred from the paper's text, which does not give it"
     )
     assert evaluated(subject, maximum_kmh=53.0, ratio=0.6).why == "Meets its criteria"
 
@@ -193,18 +196,30 @@ def test_a_place_that_cannot_be_written_is_refused(tmp_path):
 
 def test_the_table_has_a_row_a_claim_and_the_summary_counts_them_by_geometry(tmp_path):
     verdicts = claims.evaluate(
-        [claim(MAXIMUM), claim(RATIO), claim(RATIO, geometry="assumed"), claim(SPREAD), claim(geometry="none")],
+        [
+            claim(MAXIMUM),
+            claim(RATIO),
+            claim(RATIO, geometry="assumed"),
+            claim(SPREAD),
+            claim(geometry="none"),
+            claim(RATIO, geometry="inferred", role="fitted"),
+            claim(MAXIMUM, geometry="inferred", role="held-out"),
+        ],
         {"length.maximum_kmh": 53.0, "length.ratio": 0.1},
     )
     table = claims.table(verdicts)
     results = [column.name for column in table.columns].index("result")
-    assert [row[results] for row in table.rows] == ["agrees", "differs", "differs", "not evaluated", "not-testable"]
+    assert [row[results] for row in table.rows] == [
+        "agrees", "differs", "differs", "not evaluated", "not-testable", "differs", "agrees"
+    ]  # fmt: skip
     counted = claims.summary(verdicts)
     assert counted.rows == [
         ("exact", 1, 0, 1, 1, 0, 50.0),
+        ("inferred, fitted", 0, 0, 1, 0, 0, 0.0),
+        ("inferred, held-out", 1, 0, 0, 0, 0, 100.0),
         ("assumed", 0, 0, 1, 0, 0, 0.0),
         ("none", 0, 0, 0, 0, 1, None),
-        ("all", 1, 0, 2, 1, 1, pytest.approx(100 / 3)),
+        ("all", 2, 0, 3, 1, 1, 40.0),
     ]
     counted.write_csv(tmp_path / "summary.csv")
     assert (tmp_path / "summary.csv").read_text(encoding="utf-8").startswith("geometry,agrees,partly,differs,")
@@ -232,6 +247,8 @@ def test_a_well_formed_file_is_read_as_it_stands():
         ("within:", "outside:", "outside"),
         ("\n    - {key: length.first_maximum_kmh, within: [51.4, 54.6]}", " []", "geometry"),
         ("exact", "none", "geometry"),
+        ("exact", "inferred", "role"),
+        ("exact", "exact\n  role: fitted", "role"),
         ("id: first-maximum", "id: First Maximum", "id"),
         (WELL_FORMED, WELL_FORMED + WELL_FORMED, "twice"),
     ],

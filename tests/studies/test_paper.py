@@ -62,7 +62,7 @@ def test_the_gallery_is_one_page_that_loads_nothing(everything: tuple[Path, Resu
 
 def test_the_command_lists_the_studies_that_there_are():
     names = [command.name for command in cli_study.app.registered_commands]
-    assert names == [*paper_studies.STUDIES, "all", "engines", "rail", "support"]
+    assert names == [*paper_studies.STUDIES, "all", "engines", "rail", "support", "infer", "variants"]
 
 
 @pytest.mark.parametrize("study", ["all", "curve"])

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -166,6 +166,73 @@ def study_support(out: Out, quick: Quick = False, json: Json = None) -> None:
     terminal.show_table(found.tables["bending-sleepers"])
     _say_where([shown], out)
     terminal.say(f"page: {out / 'support.html'}")
+
+
+@app.command("infer")
+def study_infer(
+    out: Out,
+    weld: Annotated[int | None, typer.Option(min=1, max=5, help="One of the paper's welds; all, if not given.")] = None,
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Searches for each weld.")] = 4,
+    also: Annotated[
+        Literal["motion", "increment", "spectrum"] | None,
+        typer.Option(help="Of weld 1: give the search this study's claims, too, to see whether any shape meets them."),
+    ] = None,
+    json: Json = None,
+) -> None:
+    """Infer shapes of the paper's five welds from its text (a minute or two a search)."""
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.studies import gallery, inference_study, study_context
+
+    folder = gallery.make_folder(out / inference_study.NAME)  # before anything is computed
+    with terminal.progress() as bar:
+        found = inference_study.run(
+            study_context.StudyContext(),
+            None if weld is None else f"weld-{weld}",
+            seeds,
+            folder,
+            lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
+            also,
+        )
+    rendered = gallery.write_study(found, out)
+    gallery.write_page(
+        out / "infer.html", [rendered], title=found.title,
+        introduction="Of the paper's welds only the text is known. These shapes meet what it says of the force over "
+        "speed, as far as any was found; what else it says is held out, and counted apart.",
+    )  # fmt: skip
+    solutions = found.tables["solutions"]
+    with json_output.lines(json) as lines:
+        for row in solutions.rows:
+            json_output.write(lines, dict(zip((column.name for column in solutions.columns), row, strict=True)))
+    terminal.show_table(solutions)
+    terminal.show_table(found.tables["spread"])
+    _say_where([rendered], out)
+    terminal.say(f"page: {out / 'infer.html'}")
+
+
+@app.command("variants")
+def study_variants(out: Out, quick: Quick = False, json: Json = None) -> None:
+    """Evaluate the claims of exact geometry with the paper's fit and a fitted continuous track, too (some minutes)."""
+    from weld_force_ros.cli import terminal
+    from weld_force_ros.studies import gallery, variants_study
+
+    gallery.make_folder(out / "variants")  # before anything is computed
+    with terminal.progress() as bar:
+        found = variants_study.run(quick, lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)))
+    rendered = gallery.write_study(found, out)
+    gallery.write_page(
+        out / "variants.html", [rendered], title=found.title,
+        introduction="Where the paper's text says how, its way beside ours: rational fractions of degree 7 over 8, and "
+        "a continuous track that is fitted to the discrete one instead of its supports smeared.",
+    )  # fmt: skip
+    counts, differing = found.tables["counts"], found.tables["claims"]
+    with json_output.lines(json) as lines:
+        for table in (counts, differing):
+            for row in table.rows:
+                json_output.write(lines, dict(zip((column.name for column in table.columns), row, strict=True)))
+    for name in ("claims", "tracks", "counts"):
+        terminal.show_table(found.tables[name])
+    _say_where([rendered], out)
+    terminal.say(f"page: {out / 'variants.html'}")
 
 
 def _say_where(rendered: "list[RenderedStudy]", out: Path) -> None:

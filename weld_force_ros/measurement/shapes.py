@@ -2,7 +2,8 @@
 
 The cosine shapes are exact. The five welds are modelled after what the text of the 2018 paper says about its figures
 9, 14, 15, 18 and 19; their amplitudes and lengths are assumptions in the usual range of welds measured with a 1 m
-straightedge. Every shape begins and ends at zero with zero slope and has no kink.
+straightedge. They are for demonstrations and tests; the studies use the shapes inferred from what the text says of the
+forces (`weld-1` to `weld-5`, no formulas). Every shape begins and ends at zero with zero slope and has no kink.
 """
 
 from collections.abc import Callable

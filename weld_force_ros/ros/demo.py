@@ -9,6 +9,7 @@ from typing import Any
 
 from weld_force_ros.errors import InputError, WeldForceError, os_errors_as
 from weld_force_ros.measurement import profile_file
+from weld_force_ros.measurement.shapes import REFERENCE_SHAPES
 from weld_force_ros.recording.recording import Recording, open_recording
 from weld_force_ros.ros import environment
 from weld_force_ros.ros.launcher import stop_signals
@@ -36,8 +37,8 @@ class DemoResult:
 
 
 def demo_profiles() -> dict[str, Path]:
-    """Return the files of the bundled welds by name."""
-    return {name: path for name, path in profile_file.shipped().items() if name != NO_WELD}
+    """Return the files of the bundled welds that are drawn by a formula, by name."""
+    return {name: profile_file.shipped()[name] for name in sorted(REFERENCE_SHAPES) if name != NO_WELD}
 
 
 def run_demo(folder: Path, *, track: str, on_outcome: Callable[[str], None], trolley: bool = False) -> DemoResult:

@@ -19,13 +19,16 @@ from weld_force_ros.errors import InputError, os_errors_as
 from weld_force_ros.studies.result_table import Column, Table
 
 Quantity: TypeAlias = float | bool | str | list[float]
-GeometrySource: TypeAlias = Literal["exact", "assumed", "none"]
+GeometrySource: TypeAlias = Literal["exact", "inferred", "assumed", "none"]
+Role: TypeAlias = Literal["fitted", "held-out"]
 StudyName: TypeAlias = Literal[
     "map", "curve", "motion", "smooth", "increment", "length", "hertz", "spectrum", "bands", "validation", "population"
 ]  # fmt: skip
 ClaimResult: TypeAlias = Literal["agrees", "partly", "differs", "not evaluated", "not-testable"]
 
-GEOMETRIES: tuple[GeometrySource, ...] = ("exact", "assumed", "none")
+GEOMETRIES: tuple[tuple[GeometrySource, Role | None], ...] = (
+    ("exact", None), ("inferred", "fitted"), ("inferred", "held-out"), ("assumed", None), ("none", None)
+)  # fmt: skip
 RESULTS: tuple[ClaimResult, ...] = ("agrees", "partly", "differs", "not evaluated", "not-testable")
 
 _Text = Annotated[str, Meta(min_length=1, max_length=1000)]
@@ -112,7 +115,8 @@ class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tru
     """A statement of the paper in our words; without criteria it cannot be tested.
 
     `where` is its section and figure in the paper. `geometry` is `exact` if the paper gives all that the statement
-    depends on, `assumed` if the weld's shape is modelled after its words, `none` if it gives too little for any check.
+    depends on, `inferred` if the weld's shape was searched for with its words, `assumed` if the welds are synthetic,
+    `none` if it gives too little for any check. `role` says of inferred geometry whether the search was given it.
     `if_not` says beforehand what a difference would mean, `found` what explained one afterwards.
     """
 
@@ -120,6 +124,7 @@ class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tru
     where: _Text
     statement: _Text
     geometry: GeometrySource
+    role: Role | None = None
     study: StudyName
     criteria: list[Condition]
     note: _Text
@@ -130,6 +135,8 @@ class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tru
         """Return why the claim is invalid beyond its types, or None."""
         if (self.geometry == "none") is not (not self.criteria):
             return "a claim has criteria unless its geometry is none"
+        if (self.geometry == "inferred") is not (self.role is not None):
+            return "a claim has a role if its geometry is inferred, and only then"
         foreign = [c.key for c in self.criteria if c.key.partition(".")[0] != self.study]
         if foreign:
             return f"{foreign[0]} is not measured by the study {self.study}"
@@ -144,6 +151,7 @@ class EvaluatedClaim(msgspec.Struct, kw_only=True, frozen=True):
     where: str
     study: StudyName
     geometry: GeometrySource
+    role: Role | None
     criterion: str
     note: str
     measured: str
@@ -210,22 +218,27 @@ def table(evaluated: Sequence[EvaluatedClaim]) -> Table:
         Column("where", "in the paper"),
         Column("statement"),
         Column("geometry", "geometry"),
+        Column("role", "role"),
         Column("result", "result"),
         Column("measured", "measured"),
         Column("why"),
     )
-    rows = [(e.id, e.where, e.statement, e.geometry, e.result, e.measured, e.why) for e in evaluated]
+    rows = [(e.id, e.where, e.statement, e.geometry, e.role, e.result, e.measured, e.why) for e in evaluated]
     return Table("What the paper says and what was measured", columns, list(rows))
 
 
 def summary(evaluated: Sequence[EvaluatedClaim]) -> Table:
-    """Count the claims by geometry and result, with the share of those evaluated that agree."""
+    """Count the claims by geometry, role and result, with the share of those evaluated that agree."""
     columns = (
         Column("geometry", "geometry"),
         *(Column(result.replace(" ", "_").replace("-", "_"), result) for result in RESULTS),
         Column("agree_percent", "agree %", 0),
     )
-    rows = [(geometry, *_counts([e for e in evaluated if e.geometry == geometry])) for geometry in GEOMETRIES]
+    rows = [
+        (f"{geometry}, {role}" if role else geometry, *_counts([e for e in evaluated if (e.geometry, e.role) == kind]))
+        for kind in GEOMETRIES
+        for geometry, role in [kind]
+    ]
     return Table("Claims by what the paper gives of the geometry", columns, [*rows, ("all", *_counts(evaluated))])
 
 
@@ -253,6 +266,7 @@ def _evaluated(claim: Claim, measured: Mapping[str, Quantity]) -> EvaluatedClaim
         where=claim.where,
         study=claim.study,
         geometry=claim.geometry,
+        role=claim.role,
         criterion="; ".join(f"{_label(c, len(claim.criteria))}{c.in_words()}" for c in claim.criteria),
         note=claim.note,
         measured="; ".join(
@@ -279,8 +293,8 @@ def _why(claim: Claim, result: ClaimResult, missing: Sequence[str], failed: Sequ
         return "Meets its criteria"
     unmet = ", ".join(_quantity(condition.key) for condition in failed)
     reasons = [f"Does not meet its criteria: {unmet}", claim.if_not, claim.found]
-    if claim.geometry == "assumed":
-        reasons.append("The shape is assumed, since the paper does not give it")
+    if claim.geometry == "inferred":
+        reasons.append("The shape is inferred from the paper's text, which does not give it")
     return ". ".join(reason.strip().rstrip(".") for reason in reasons if reason)
 
 

@@ -7,7 +7,6 @@ from scipy.interpolate import CubicSpline
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.physics.analysis.peaks import ImpactForces, Peak, p1_p2
-from weld_force_ros.physics.analysis.speed_curve import CurveFeatures
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History
 from weld_force_ros.physics.passage.peak_map import PeakMap
@@ -25,6 +24,7 @@ from weld_force_ros.studies.study_context import (
     BILBAO,
     WELDS,
     Picture,
+    Profile,
     Quantities,
     StudyContext,
     StudyResult,
@@ -49,7 +49,6 @@ def run(context: StudyContext) -> StudyResult:
     peak_map = context.peak_map(weld, BILBAO, speeds, [POSITION_M])
     histories = {speed: context.history(weld, BILBAO, speed, POSITION_M) for speed in HISTORIES_KMH.values()}
     impacts = {speed: impact_forces(context, weld, history, speed) for speed, history in histories.items()}
-    curve = features(speeds, peak_map.peak_force_n[:, 0])
     figure = _draw(context, weld, speeds, peak_map.peak_force_n[:, 0], histories, impacts)
     picture = Picture(
         "force-against-speed", f"Force against speed: {weld}",
@@ -70,7 +69,7 @@ def run(context: StudyContext) -> StudyResult:
         ),
         "impact": _impact_table(impacts),
     }
-    measured = _claim_quantities(context, curve, speeds, peak_map, histories) if context.uses_paper_inputs else {}
+    measured = _claim_quantities(context, speeds, peak_map, histories) if context.uses_paper_inputs else {}
     return StudyResult("curve", "Force against speed", [picture], tables, measured)
 
 
@@ -166,9 +165,18 @@ def _draw_impact(axes: Any, impact: ImpactForces | None, speed_kmh: float) -> No
         axes.plot(p2_m * 100, impact.p2_n / 1e3, "v", color=_IMPACT, markersize=5)
 
 
+def quantities_over(context: StudyContext, weld: Profile) -> Quantities:
+    """Return what claims ask for of weld 1, over a profile in its place."""
+    speeds = context.speeds(*_SPEEDS_KMH)
+    peak_map = context.peak_map(weld, BILBAO, speeds, [POSITION_M])
+    histories = {speed: context.history(weld, BILBAO, speed, POSITION_M) for speed in HISTORIES_KMH.values()}
+    return _claim_quantities(context, speeds, peak_map, histories)
+
+
 def _claim_quantities(
-    context: StudyContext, curve: CurveFeatures, speeds: FloatArray, peak_map: PeakMap, histories: dict[float, History]
+    context: StudyContext, speeds: FloatArray, peak_map: PeakMap, histories: dict[float, History]
 ) -> Quantities:
+    curve = features(speeds, peak_map.peak_force_n[:, 0])
     static_n = context.track(BILBAO).wheel.static_load_n
     maximum_kmh = first_maximum(curve)[0]
     minimum = minimum_after_maximum(curve)

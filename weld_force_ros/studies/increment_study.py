@@ -25,6 +25,7 @@ from weld_force_ros.studies.study_context import (
     BILBAO,
     WELDS,
     Picture,
+    Profile,
     Quantities,
     StudyContext,
     StudyResult,
@@ -60,10 +61,7 @@ def run(context: StudyContext) -> StudyResult:
         context.track(BILBAO).track.spacing_m,
     )
     excess = _excess(context, weld, speeds, positions)
-    surfaces = [
-        surface_features(speeds, positions, force, span_m, tolerance=SIGNIFICANT)
-        for force in (excess.dynamic_n, excess.increment_n)
-    ]
+    surfaces = _surfaces(speeds, positions, excess, span_m)
     pictures = [
         Picture(
             "increment", f"Dynamic force and increment: {weld}",
@@ -88,7 +86,22 @@ def run(context: StudyContext) -> StudyResult:
     return StudyResult("increment", "Increment over smooth rail", pictures, {"increment": table}, measured)
 
 
-def _excess(context: StudyContext, weld: str, speeds_kmh: FloatArray, positions_m: FloatArray) -> ForceExcess:
+def quantities_over_weld_1(context: StudyContext, weld: Profile) -> Quantities:
+    """Return what claims ask for of weld 1, over a profile in its place."""
+    speeds, positions = context.speeds(*SPEEDS_KMH), context.positions(BILBAO)
+    excess, span_m = _excess(context, weld, speeds, positions), context.track(BILBAO).track.spacing_m
+    return _claim_quantities(speeds, positions, excess, _surfaces(speeds, positions, excess, span_m), span_m)
+
+
+def _surfaces(speeds: FloatArray, positions: FloatArray, excess: ForceExcess, span_m: float) -> list[SurfaceFeatures]:
+    """Return the shape of the dynamic force and of the increment."""
+    return [
+        surface_features(speeds, positions, force, span_m, tolerance=SIGNIFICANT)
+        for force in (excess.dynamic_n, excess.increment_n)
+    ]
+
+
+def _excess(context: StudyContext, weld: str | Profile, speeds_kmh: FloatArray, positions_m: FloatArray) -> ForceExcess:
     # Made once, before threads ask for them.
     wheel_path, vehicle_track = context.wheel_path(weld, BILBAO), context.vehicle_track(BILBAO)
     with ThreadPoolExecutor(os.cpu_count()) as pool:

@@ -16,11 +16,13 @@ from weld_force_ros.studies.study_context import (
     BILBAO,
     WELDS,
     Picture,
+    Profile,
     Quantities,
     StudyContext,
     StudyResult,
     as_rows,
 )
+from weld_force_ros.studies.weld_map import upward_ramp
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,8 +31,8 @@ if TYPE_CHECKING:
 SPEEDS_KMH = {"O": 20.0, "A": 55.0, "B": 80.0, "C": 150.0, "D": 170.0, "E": 200.0}
 POSITION_M = 0.15
 _WELD_5_POSITION_M, _WELD_5_SPEED_KMH = 0.30, 100.0
-_HALF_WELD_M = 0.5  # a straightedge of a metre, its positions from the start
-_RAMP_M, _CENTRAL_M = (0.10, 0.30), (0.35, 0.65)
+_HALF_WELD_M = 0.5  # a straightedge of a metre
+_FORCE_LAGS_M, _CENTRAL_TO_M = 0.05, 0.15
 _SHOWN_M = 0.6
 _EVERY = 4  # points of the 0.25 mm grid, in the table
 _RAIL, _WHEEL, _GEOMETRY = COLOURS[0], COLOURS[1], COLOURS[6]
@@ -87,7 +89,9 @@ def run(context: StudyContext) -> StudyResult:
         over_weld_5 = moving(context, WELDS[4], _WELD_5_SPEED_KMH, _WELD_5_POSITION_M)
         pictures.append(_weld_5_picture(context, over_weld_5))
         if context.uses_paper_inputs:
-            measured = _claim_quantities(context, motions) | _weld_5_quantities(context, over_weld_5)
+            measured = _claim_quantities(context, context.profile(weld), motions) | _weld_5_quantities(
+                context, context.profile(WELDS[4]), over_weld_5
+            )
     columns = (
         Column("speed_kmh", "km/h", 0), Column("x_m", "m", 4), Column("force_n", "N", 0),
         Column("wheel_less_smooth_m", "wheel m", 6), Column("rail_surface_less_smooth_m", "rail surface m", 6),
@@ -100,7 +104,7 @@ def run(context: StudyContext) -> StudyResult:
     return StudyResult("motion", "Motion of wheel and rail", pictures, {"motion": table}, measured)
 
 
-def moving(context: StudyContext, weld: str, speed_kmh: float, position_m: float) -> Motion:
+def moving(context: StudyContext, weld: str | Profile, speed_kmh: float, position_m: float) -> Motion:
     """Simulate one passage, from 60 cm before the weld's centre to 60 cm after it."""
     history: History = context.history(weld, BILBAO, speed_kmh, position_m)
     smooth = SmoothRailPassage(context, BILBAO, speed_kmh)
@@ -157,14 +161,24 @@ def _weld_5_picture(context: StudyContext, motion: Motion) -> Picture:
     return Picture("protrusion", "Force over a ramp and what follows", caption, figure)
 
 
-def _claim_quantities(context: StudyContext, motions: dict[float, Motion]) -> Quantities:
+def quantities_over_weld_1(context: StudyContext, weld: Profile) -> Quantities:
+    """Return what claims ask for of weld 1, over a profile in its place."""
+    motions = {speed: moving(context, weld, speed, POSITION_M) for speed in SPEEDS_KMH.values()}
+    return _claim_quantities(context, weld, motions)
+
+
+def quantities_over_weld_5(context: StudyContext, weld: Profile) -> Quantities:
+    """Return what claims ask for of weld 5, over a profile in its place; NaN if it has no ramp before its centre."""
+    return _weld_5_quantities(context, weld, moving(context, weld, _WELD_5_SPEED_KMH, _WELD_5_POSITION_M))
+
+
+def _claim_quantities(context: StudyContext, profile: Profile, motions: dict[float, Motion]) -> Quantities:
     static_n = context.track(BILBAO).wheel.static_load_n
-    profile = context.weld(WELDS[0])
-    depth_m = -min(profile.z_m)
+    depth_m = -float(profile[1].min()) or np.nan
     welds = [motion.on(-_HALF_WELD_M, _HALF_WELD_M) for motion in motions.values()]
     wheel = [-float(weld.wheel_m.min()) / depth_m for weld in welds]
     rail = [-float(weld.surface_m.min()) / depth_m for weld in welds]
-    slope = CubicSpline(profile.x_m, profile.z_m).derivative()
+    slope = CubicSpline(*profile).derivative()
     peak_m = motions[55].peak_x_m
     near = motions[170].on(-0.100, 0.200)
     lowest_m = float(near.x_m[np.argmin(near.surface_m)])
@@ -192,11 +206,17 @@ def _nearest_inflection(slope: CubicSpline, x_m: float) -> float:
     return float(rising[np.argmin(np.abs(rising - x_m))]) if len(rising) else np.nan
 
 
-def _weld_5_quantities(context: StudyContext, motion: Motion) -> Quantities:
+def _weld_5_quantities(context: StudyContext, profile: Profile, motion: Motion) -> Quantities:
     static_n = context.track(BILBAO).wheel.static_load_n
-    ramp, central = (motion.on(a - _HALF_WELD_M, b - _HALF_WELD_M) for a, b in (_RAMP_M, _CENTRAL_M))
+    start_m, end_m = upward_ramp(profile)
+    ramp = motion.on(start_m, end_m + _FORCE_LAGS_M)
+    if not len(ramp.x_m) or ramp.peak_x_m >= 0:
+        return {"motion.weld_5_minimum_after_ramp_n": np.nan, "motion.weld_5_second_over_first": np.nan}
+    behind = motion.on(ramp.peak_x_m, 0.0)
+    unloaded = int(np.argmin(behind.force_n))
+    central = motion.on(float(behind.x_m[unloaded]), _CENTRAL_TO_M)
     first, second = float(ramp.force_n.max()) - static_n, float(central.force_n.max()) - static_n
     return {
-        "motion.weld_5_minimum_after_ramp_n": float(motion.on(ramp.peak_x_m, 0.0).force_n.min()),
+        "motion.weld_5_minimum_after_ramp_n": float(behind.force_n[unloaded]),
         "motion.weld_5_second_over_first": second / first,
     }

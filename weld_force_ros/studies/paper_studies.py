@@ -22,8 +22,9 @@ TITLE = "Forces over rail welds, study by study"
 COARSE = " On a coarse grid (--quick): a third of the speeds and positions, which decides no claim."
 _INTRODUCTION = (
     "The studies of the 2018 paper on wheel-rail forces over welds, computed by this software. Exact geometry: cosine "
-    "dips, wheel flats, smooth rail. The five welds are modelled after the paper's text, which does not give their "
-    "samples; what depends on them is marked. The criteria of the claims at the end were fixed before their study was "
+    "dips, wheel flats, smooth rail. The five welds are inferred from the paper's text, which does not give their "
+    "samples: their shapes were searched for with some of its claims (fitted), and what else depends on them is held "
+    "out (weld-force study infer). The criteria of the claims at the end were fixed before their study was "
     "run; where a measurement was redefined since, the claim's note says so (claims.json)."
 )
 

@@ -12,7 +12,6 @@ from weld_force_ros.physics.analysis.spectra import (
 )
 from weld_force_ros.physics.arrays import ComplexArray
 from weld_force_ros.physics.track import beam
-from weld_force_ros.simulation import fit_store
 from weld_force_ros.studies import passage_records
 from weld_force_ros.studies.result_table import Cell, Column, Table
 from weld_force_ros.studies.spectrum_figures import Excitation, dip_picture, receptance_picture, weld_pictures
@@ -21,6 +20,7 @@ from weld_force_ros.studies.study_context import (
     CONTINUOUS,
     DIP_48,
     WELDS,
+    Profile,
     Quantities,
     StudyContext,
     StudyResult,
@@ -69,8 +69,14 @@ def _receptances(context: StudyContext) -> dict[str, ComplexArray]:
     }
 
 
-def _excitation(context: StudyContext, weld: str, speed_kmh: float) -> Excitation:
-    passage = passage_records.record(context.vehicle_track(CONTINUOUS), context.wheel_path(weld, CONTINUOUS), speed_kmh)
+def quantities_over_weld_1(context: StudyContext, weld: Profile) -> Quantities:
+    """Return what claims ask for of weld 1, over a profile in its place."""
+    return _weld_1([_excitation(context, WELDS[0], speed, weld) for speed in SPEEDS_KMH])
+
+
+def _excitation(context: StudyContext, weld: str, speed_kmh: float, profile: Profile | None = None) -> Excitation:
+    wheel_path = context.wheel_path(weld if profile is None else profile, CONTINUOUS)
+    passage = passage_records.record(context.vehicle_track(CONTINUOUS), wheel_path, speed_kmh)
     force, irregularity = (
         of(passage, speed_kmh) for of in (passage_records.force_spectrum, passage_records.irregularity_spectrum)
     )
@@ -128,8 +134,8 @@ def _track_alone(context: StudyContext, receptances: dict[str, ComplexArray]) ->
         "spectrum.position_ratio_pinned_pinned": float(ratio[near_pinned].max()),
         "spectrum.position_ratio_300hz": float(np.interp(300.0, _FREQUENCIES_HZ, ratio)),
         "spectrum.continuous_difference": float(np.sqrt(np.mean((continuous / mean - 1) ** 2))),
-        "spectrum.rfp_error_bilbao": fit_store.fitted(context.track(BILBAO), "rfp").error,
-        "spectrum.rfp_error_continuous": fit_store.fitted(context.track(CONTINUOUS), "rfp").error,
+        "spectrum.rfp_error_bilbao": context.rfp_error(BILBAO),
+        "spectrum.rfp_error_continuous": context.rfp_error(CONTINUOUS),
     }
 
 

@@ -17,6 +17,7 @@ from weld_force_ros.messages import WeldProfile
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.passage import History, VehicleTrackModel
 from weld_force_ros.physics.passage.peak_map import PeakMap
+from weld_force_ros.physics.passage.state_space import StateModel
 from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
 from weld_force_ros.simulation import fit_store, track_file
@@ -28,15 +29,12 @@ if TYPE_CHECKING:
 
 BILBAO, CONTINUOUS, JOHANSSON_NIELSEN = "bilbao", "bilbao-continuous", "johansson-nielsen"
 DIP_48, DIP_96, RISE_48, FLAT = "cosine-dip-48mm", "cosine-dip-96mm", "cosine-rise-48mm", "wheel-flat-0.9mm"
-WELDS = (
-    "weld-1-dip",
-    "weld-2-rise-between-shrinkages",
-    "weld-3-long-ground-dip",
-    "weld-4-steep-ramp",
-    "weld-5-ramp-protrusion",
-)
+WELDS = tuple(f"weld-{number}" for number in range(1, 6))
+"""The paper's welds, as inferred from its text."""
 
 Quantities = dict[str, float | bool | list[float]]
+Profile = tuple[FloatArray, FloatArray]
+"""Positions from a weld's centre and heights, m, (n,) each."""
 
 
 @dataclass(frozen=True)
@@ -102,8 +100,16 @@ class StudyContext:
             wheel = replace(wheel, hertz_n_per_m15=hertz_n_per_m15)
         key = (definition.text, wheel)
         if key not in self._vehicle_tracks:
-            self._vehicle_tracks[key] = VehicleTrackModel(fit_store.fitted_moving(definition).model(), wheel)
+            self._vehicle_tracks[key] = VehicleTrackModel(self.model(track), wheel)
         return self._vehicle_tracks[key]
+
+    def model(self, track: str) -> StateModel:
+        """Return the fit of a track that passages are computed with."""
+        return fit_store.fitted_moving(self.track(track)).model()
+
+    def rfp_error(self, track: str) -> float:
+        """Return how far rational fractions of the paper's degrees are from a track, as fits state it."""
+        return fit_store.fitted(self.track(track), "rfp").error
 
     def weld(self, name: str) -> WeldProfile:
         """Return a shipped profile by name, or the user's own."""
@@ -111,17 +117,19 @@ class StudyContext:
             return self.own_weld
         return profile_file.read_profile(profile_file.find(name))
 
-    def wheel_path(self, weld: str | tuple[FloatArray, FloatArray], track: str) -> WheelPath:
+    def profile(self, name: str) -> Profile:
+        """Return the samples of a weld by its name."""
+        weld = self.weld(name)
+        return np.array(weld.x_m), np.array(weld.z_m)
+
+    def wheel_path(self, weld: str | Profile, track: str) -> WheelPath:
         """Return the wheel centre's path over a weld: a name, or positions and heights in m."""
         radius_m = self.track(track).wheel.radius_m
-        if isinstance(weld, str):
-            profile = self.weld(weld)
-            weld = np.array(profile.x_m), np.array(profile.z_m)
-        return wheel_path_over(*weld, radius_m)
+        return wheel_path_over(*(self.profile(weld) if isinstance(weld, str) else weld), radius_m)
 
     def peak_map(
         self,
-        weld: str | tuple[FloatArray, FloatArray],
+        weld: str | Profile,
         track: str,
         speeds_kmh: ArrayLike,
         positions_m: ArrayLike,
@@ -132,9 +140,7 @@ class StudyContext:
         vehicle_track = self.vehicle_track(track, hertz_n_per_m15=hertz_n_per_m15)
         return vehicle_track.peak_map(self.wheel_path(weld, track), speeds_kmh, positions_m)
 
-    def history(
-        self, weld: str | tuple[FloatArray, FloatArray], track: str, speed_kmh: float, position_m: float
-    ) -> History:
+    def history(self, weld: str | Profile, track: str, speed_kmh: float, position_m: float) -> History:
         """Simulate one passage, from a span before the weld to two spans behind it."""
         wheel_path = self.wheel_path(weld, track)
         vehicle_track = self.vehicle_track(track)

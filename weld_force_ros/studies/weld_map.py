@@ -1,6 +1,6 @@
 """Peak forces over speed and position of a weld, and their features."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,17 +12,22 @@ from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.wheel_path import wheel_path_over
 from weld_force_ros.studies.passage_curves import SIGNIFICANT, features
-from weld_force_ros.studies.study_context import BILBAO, WELDS, StudyContext
+from weld_force_ros.studies.study_context import BILBAO, WELDS, Profile, StudyContext
 
 SPEEDS_KMH = (20.0, 300.0, 5.0)
-_STRAIGHTEDGE_CENTRE_M = 0.5
+_LEVEL = 0.02  # of the greatest height: what lies lower is not yet ramp
+_CREST = 0.5  # of the greatest height: a lower top does not end the ramp
 
 
 @dataclass(frozen=True)
 class WeldMap:
-    """Peaks over one weld; arrays over speed and position are (n_speed, n_position)."""
+    """Peaks over one weld; arrays over speed and position are (n_speed, n_position).
+
+    `profile` holds positions from the weld's centre and heights, m, (n,) each.
+    """
 
     name: str
+    profile: Profile
     speeds_kmh: FloatArray
     positions_m: FloatArray
     span_m: float
@@ -51,8 +56,8 @@ class WeldMap:
 
     @property
     def peak_location_m(self) -> FloatArray:
-        """Return the location of the peaks from the straightedge's start, m."""
-        return np.asarray(self.peak_map.peak_x_m - self.positions_m + _STRAIGHTEDGE_CENTRE_M)
+        """Return the location of the peaks from the weld's centre, m."""
+        return np.asarray(self.peak_map.peak_x_m - self.positions_m)
 
     def between(self, first_kmh: float, last_kmh: float) -> FloatArray:
         """Return the mean force over a range of speeds, (n_position,)."""
@@ -74,23 +79,28 @@ def within(values: FloatArray, first: float, last: float) -> NDArray[np.bool_]:
     return np.asarray((values >= first - 1e-9) & (values <= last + 1e-9))
 
 
-def weld_maps(context: StudyContext, names: Sequence[str], scale: float = 1.0) -> list[WeldMap]:
-    """Compute maps of welds on the paper's track, heights times `scale`."""
-    speeds, positions, vehicle_track = (
-        context.speeds(*SPEEDS_KMH),
-        context.positions(BILBAO),
-        context.vehicle_track(BILBAO),
-    )
-    profiles = [context.weld(name) for name in names]
-    wheel_paths = [
-        wheel_path_over(np.array(p.x_m), scale * np.array(p.z_m), vehicle_track.wheel.radius_m) for p in profiles
-    ]
+def weld_maps(context: StudyContext, welds: Mapping[str, Profile]) -> list[WeldMap]:
+    """Compute maps of welds, of which names and profiles are given, on the paper's track."""
+    speeds, positions = context.speeds(*SPEEDS_KMH), context.positions(BILBAO)
+    vehicle_track = context.vehicle_track(BILBAO)
+    wheel_paths = [wheel_path_over(*profile, vehicle_track.wheel.radius_m) for profile in welds.values()]
     peak_maps = vehicle_track.peak_maps(wheel_paths, speeds, positions)
     span_m, static_n = vehicle_track.model.spacing_m, vehicle_track.wheel.static_load_n
     return [
-        WeldMap(name, speeds, positions, span_m, static_n, peak_map)
-        for name, peak_map in zip(names, peak_maps, strict=True)
+        WeldMap(name, profile, speeds, positions, span_m, static_n, peak_map)
+        for (name, profile), peak_map in zip(welds.items(), peak_maps, strict=True)
     ]
+
+
+def upward_ramp(profile: Profile) -> tuple[float, float]:
+    """Return where a weld's first rise begins and where it ends at a crest, m; NaN if it never rises."""
+    x, z = profile
+    highest_m = float(z.max())
+    tops = np.flatnonzero((z[1:-1] > z[:-2]) & (z[1:-1] >= z[2:]) & (z[1:-1] >= _CREST * highest_m)) + 1
+    if highest_m <= 0 or not len(tops):
+        return np.nan, np.nan
+    below = np.flatnonzero(z[: tops[0]] <= _LEVEL * highest_m)
+    return float(x[below[-1] if len(below) else 0]), float(x[tops[0]])
 
 
 def plateau_width(speeds_kmh: FloatArray, force_n: FloatArray, tolerance_n: float) -> float:

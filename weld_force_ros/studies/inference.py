@@ -1,0 +1,180 @@
+"""Search for shapes of the paper's welds that meet what its text says: differential evolution on the studies' own grid.
+
+The cost of a shape is summed over the fitted claims (`role` in `data/claims.yaml`), each the mean of its criteria: 0 if
+a criterion holds, else between a half and one, the more the further its quantity is from holding. The claims that are
+held out are not looked at before a search has ended.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, TypeAlias
+
+import msgspec
+import numpy as np
+from scipy.optimize import OptimizeResult, differential_evolution
+
+from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.studies import claims, curve_study, increment_study, motion_study, shape_prior, spectrum_study
+from weld_force_ros.studies.claims import Claim, Condition, Quantity
+from weld_force_ros.studies.map_quantities import of_weld
+from weld_force_ros.studies.shape_prior import Prior, Term
+from weld_force_ros.studies.study_context import Profile, Quantities, StudyContext
+from weld_force_ros.studies.weld_map import weld_maps
+
+GENERATIONS = 40
+_MEMBERS_PER_PARAMETER = 4
+StudyOfWeld1: TypeAlias = Literal["motion", "increment", "spectrum"]
+_OF_WELD_1: dict[StudyOfWeld1, Callable[[StudyContext, Profile], Quantities]] = {
+    "motion": motion_study.quantities_over_weld_1,
+    "increment": increment_study.quantities_over_weld_1,
+    "spectrum": spectrum_study.quantities_over_weld_1,
+}
+_NO_SCALE_N = 10e3  # a tenth of the static load: how far a force is from the sign that it should have
+
+
+class Solution(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The shape that one search ended with.
+
+    Attributes:
+        weld: `weld-1` to `weld-5`.
+        seed: of the search.
+        cost: what is left of it; 0 if the shape meets every fitted claim.
+        terms: of the shape.
+        prior_sha256: of the prior that it was drawn from.
+        also: as of `Inference`.
+    """
+
+    weld: str
+    seed: int
+    cost: float
+    terms: list[Term]
+    prior_sha256: str
+    also: StudyOfWeld1 | None = None
+
+    @property
+    def profile(self) -> Profile:
+        """Return positions from the weld's centre and heights, m."""
+        return shape_prior.profile_of(self.terms)
+
+
+@dataclass(frozen=True)
+class Inference:
+    """The search for one weld of the paper.
+
+    Attributes:
+        weld: `weld-1` to `weld-5`.
+        prior: of its shape.
+        context: the paper's track and wheel.
+        also: a study of weld 1 whose claims the search is given, too, though they are held out: to see whether any
+            shape meets them.
+    """
+
+    weld: str
+    prior: Prior
+    context: StudyContext
+    also: StudyOfWeld1 | None = None
+
+    @property
+    def number(self) -> int:
+        """Return which of the five welds it is."""
+        return int(self.weld[-1])
+
+    @cached_property
+    def given(self) -> list[Claim]:
+        """Return the claims that a search is given: the fitted ones, and those of the study `also`."""
+        return [c for c in claims.load() if c.role == "fitted" or (c.role and c.study == self.also)]
+
+    def cost(self, parameters: FloatArray) -> float:
+        """Return how far a shape is from meeting the claims given; more than any such, if a wheel touches it twice."""
+        profile = shape_prior.profile_of(shape_prior.terms_of(parameters))
+        excess = shape_prior.curvature_share(profile) - shape_prior.MOST_CURVATURE
+        if excess > 0:
+            return len(self.given) + excess
+        measured = self.quantities(profile)
+        return sum(cost_of(claim, measured) or 0.0 for claim in self.given)
+
+    def quantities(self, profile: Profile) -> Quantities:
+        """Return what the claims given ask for of this weld, as the studies measure it."""
+        with np.errstate(all="ignore"):  # a shape without a hollow has no depth
+            (weld_map,) = weld_maps(self.context, {self.weld: profile})
+            measured = of_weld(self.number, weld_map)
+            if self.number == 1:
+                measured |= curve_study.quantities_over(self.context, profile)
+                if self.also:
+                    measured |= _OF_WELD_1[self.also](self.context, profile)
+            if self.number == 5:
+                measured |= motion_study.quantities_over_weld_5(self.context, profile)
+        return measured
+
+    def all_quantities(self, profile: Profile) -> Quantities:
+        """Return also what claims that are held out ask for of this weld."""
+        measured = self.quantities(profile)
+        if self.number == 1:
+            for quantities_of in _OF_WELD_1.values():
+                measured |= quantities_of(self.context, profile)
+        return measured
+
+    def search(self, seed: int, on_generation: Callable[[], object] = lambda: None) -> Solution:
+        """Search for a shape, `GENERATIONS` at most; the same for the same seed."""
+
+        def ended(intermediate_result: OptimizeResult) -> bool:
+            on_generation()
+            return bool(intermediate_result.fun == 0)
+
+        found = differential_evolution(
+            self.cost, self.prior.bounds, rng=np.random.default_rng(seed), popsize=_MEMBERS_PER_PARAMETER,
+            maxiter=GENERATIONS, mutation=(0.4, 0.9), recombination=0.8, polish=False, callback=ended,
+        )  # fmt: skip
+        return Solution(
+            weld=self.weld,
+            seed=seed,
+            cost=float(found.fun),
+            terms=shape_prior.terms_of(found.x),
+            prior_sha256=self.prior.sha256,
+            also=self.also,
+        )
+
+
+def cost_of(claim: Claim, measured: Quantities) -> float | None:
+    """Return the mean cost of a claim's criteria as far as their quantities were measured, None if none was."""
+    costs = [_cost(c, measured[c.key]) for c in claim.criteria if c.key in measured]
+    return float(np.mean(costs)) if costs else None
+
+
+def _cost(condition: Condition, value: Quantity) -> float:
+    values = value if isinstance(value, list) else [value]
+    distances = [
+        0.0 if held else 0.5 + 0.5 * _saturated(_distance(condition, number))
+        for held, number in zip(condition.holds(value), values or [np.nan], strict=True)
+    ]
+    return float(np.mean(distances))
+
+
+def _saturated(distance: float) -> float:
+    return 1.0 if np.isnan(distance) else distance / (1.0 + distance)
+
+
+def _distance(condition: Condition, value: float | bool | str) -> float:
+    """Return how far a value is from holding, relative to the width or the limit required; NaN if that says nothing."""
+    if not isinstance(value, float) or not np.isfinite(value):
+        return np.nan
+    if condition.within is not None:
+        low, high = condition.within
+        return max(low - value, value - high, 0.0) / (0.5 * (high - low) or abs(high))
+    limit = condition.above if condition.above is not None else condition.below
+    if limit is None:
+        return np.nan
+    scale = abs(limit) or (_NO_SCALE_N if condition.key.endswith("_n") else 1.0)
+    return abs(value - limit) / scale
+
+
+def held(measured: Quantities) -> dict[str, bool]:
+    """Return of each claim with a role, by its id, whether it holds as far as it was measured; none that was not."""
+    costs = {claim.id: cost_of(claim, measured) for claim in claims.load() if claim.role}
+    return {name: cost == 0 for name, cost in costs.items() if cost is not None}
+
+
+def chosen(solutions: Sequence[Solution]) -> Solution:
+    """Return the solution that is shipped: least cost, of equals the gentlest."""
+    return min(solutions, key=lambda one: (round(one.cost, 6), shape_prior.rms_gradient(one.profile)))
