@@ -25,7 +25,7 @@ for command in list(sys.argv[1:]):
         if ended.code:
             raise
 """
-NODES = {"profile_node", "simulator_node", "assessment_node", "trolley_node", "dashboard_node"}
+NODES = {"profile_node", "simulator_node", "assessment_node", "trolley_node", "dashboard_node", "foxglove_node"}
 
 
 def run(*command: str | Path, **options: object) -> subprocess.CompletedProcess[str]:

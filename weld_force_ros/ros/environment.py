@@ -10,7 +10,6 @@ from contextlib import redirect_stderr
 from importlib import import_module
 from pathlib import Path
 
-import numpy as np
 import platformdirs
 
 from weld_force_ros.errors import InputError
@@ -46,6 +45,8 @@ def check_message_extensions(packages: Iterable[str] = _MESSAGE_PACKAGES) -> Non
             with redirect_stderr(io.StringIO()):  # NumPy explains itself there in forty lines
                 import_module(f"{package}.{package}_s__rosidl_typesupport_c")
         except (ImportError, AttributeError, SystemError) as error:
+            import numpy as np
+
             raise InputError(
                 f"the message extensions of ROS ({package}) do not fit NumPy {np.__version__} in {sys.prefix}: "
                 f"{' '.join(str(error).split())}",
