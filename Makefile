@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 EXTRAS := .[ros,report,campaign,test]
 
-.PHONY: run test test-fast test-lowest coverage lint warm bench bench-campaign soak screenshots format schema
+.PHONY: run test test-long test-fast test-lowest coverage lint warm bench bench-campaign soak screenshots format schema
 
 run: $(READY)
 	$(BIN)/weld-force demo
@@ -15,6 +15,9 @@ test: $(READY)
 
 coverage: $(READY)
 	$(BIN)/pytest -n 2 --dist loadfile --cov --cov-fail-under=90
+
+test-long: $(READY)
+	$(BIN)/pytest -n 2 --dist loadfile --long -m long
 
 test-fast: $(READY)
 	$(BIN)/pytest -n 2 --dist loadfile -m 'not slow'

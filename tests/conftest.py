@@ -23,6 +23,18 @@ settings.register_profile("core", deadline=None, max_examples=40)
 settings.load_profile("core")
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--long", action="store_true", help="also run what is marked long")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what is marked long, unless it is asked for."""
+    if not config.getoption("--long"):
+        left_out = [item for item in items if any(item.iter_markers("long"))]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item not in left_out]
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     """Trace single fast tests only, for coverage: it doubles the time of slow and property tests, for few more lines.

@@ -50,15 +50,16 @@ def matrices(of: ForceMap | OppositeDirection, positions: int, names: tuple[str,
 def test_a_steep_ramp_is_worse_where_it_is_run_up():
     found = Simulator(chosen(contact_patch="off")).force_map(shipped_profile("weld-4-steep-ramp"))
     peaks = [matrices(of, 4)[0].max(axis=1) / 1e3 for of in (found, found.against)]
-    np.testing.assert_allclose(peaks[0], [134, 154, 169, 177, 191, 208], rtol=0.01)
-    np.testing.assert_allclose(peaks[1], [127, 142, 149, 150, 150, 149], rtol=0.01)
+    # kN, by engine reference
+    np.testing.assert_allclose(peaks[0], [134.0, 153.8, 169.1, 177.0, 191.7, 208.9], rtol=0.005)
+    np.testing.assert_allclose(peaks[1], [126.9, 141.7, 149.2, 150.2, 149.8, 147.7], rtol=0.005)
 
 
 @pytest.mark.parametrize("shape", ["cosine-dip-48mm", "cosine-rise-48mm"])
 def test_over_a_symmetric_shape_both_directions_are_alike(shape: str):
     found = Simulator(chosen(positions=5)).force_map(shipped_profile(shape))
     alike = [0, 4, 3, 2, 1]  # the place as far before a sleeper as the other is after one
-    np.testing.assert_allclose(matrices(found.against, 5), matrices(found, 5)[:, :, alike], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(matrices(found.against, 5), matrices(found, 5)[:, :, alike], rtol=1e-5, atol=1e-9)
 
 
 def test_against_is_over_the_mirrored_profile_at_the_rest_of_the_span():

@@ -86,6 +86,7 @@ def test_forces_grow_by_what_all_sleepers_make_of_them_and_none_falls_below_zero
     assert found.sleeper_effect == pytest.approx([1.0, (2**-0.1 + 2**-0.5) / 2], abs=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_peaks_are_those_of_the_reference_with_all_sleepers_changed():
     """Brute force on few samples: none of the linear law, of the fits and of the samples' own code is in it."""

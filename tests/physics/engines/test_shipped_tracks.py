@@ -6,6 +6,7 @@ from benchmarks.tracks import accuracy
 
 
 # The one nearest to its bounds; `python -m benchmarks.tracks` has all.
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["under-sleeper-pads"])
 def test_peaks_by_common_poles_are_those_of_the_reference(name: str):

@@ -33,6 +33,7 @@ def companion() -> tuple[np.ndarray, np.ndarray]:
 class Companion:
     spacing_m = 0.6
     spans = 1
+    uniform = True
     opposite_m = 0.6
 
     def propagation(self, at_m: np.ndarray, dt_s: float) -> Propagation:

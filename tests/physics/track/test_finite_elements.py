@@ -136,6 +136,7 @@ def integrated(
     return np.array([force for force, _, _ in both]), np.array([max(below, default=0.0) for *_, below in both])
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "supports",
@@ -158,6 +159,7 @@ def test_steps_in_time_are_those_of_another_integrator(supports: Supports, defin
     assert np.abs(force[::20] - exact).max() < 2e-4 * definition.wheel.static_load_n
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["johansson-nielsen"])
 def test_peaks_on_the_track_as_built_are_the_references(name: str, definitions: dict[str, TrackDefinition]):

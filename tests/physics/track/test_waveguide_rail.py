@@ -62,6 +62,7 @@ def by_mesh(track: Track, frequency_hz: np.ndarray, at_m: np.ndarray, refine: in
     return (waves.strength[:, None] * waves.shape(at_m) * waves.shape(-at_m)).sum(axis=0)
 
 
+@pytest.mark.long
 def test_result_does_not_depend_on_the_mesh(bilbao):
     track, frequency, at = with_strips(bilbao), np.linspace(50.0, 3000.0, 25), np.array([0.0, 0.15, 0.3])
     coarse, fine = (
