@@ -11,7 +11,7 @@ run: $(READY)
 	$(BIN)/weld-force demo
 
 test: $(READY)
-	$(BIN)/pytest -n 2 --dist loadfile
+	$(BIN)/pytest -n 3 --dist loadfile # more than cores: tests of nodes mostly wait
 
 coverage: $(READY)
 	$(BIN)/pytest -n 2 --dist loadfile --cov --cov-fail-under=90

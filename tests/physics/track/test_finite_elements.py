@@ -184,6 +184,7 @@ HARD = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("case", HARD, ids=lambda c: f"{c.track}, {c.shape}, {c.supports}")
 def test_peaks_are_converged(case: Case, definitions: dict[str, TrackDefinition]):
