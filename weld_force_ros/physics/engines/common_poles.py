@@ -157,6 +157,7 @@ def fit_track(
     *,
     section_count: int = SECTIONS,
     band_hz: tuple[float, float] = BAND_HZ,
+    emphasis: Callable[[FloatArray], FloatArray] = np.ones_like,
 ) -> PoleModel:
     """Fit a track's receptance over the span.
 
@@ -169,6 +170,7 @@ def fit_track(
         order: number of poles, even or odd.
         section_count: sections over the span (one is enough for continuous support).
         band_hz: fitted frequencies.
+        emphasis: of errors by frequency (Hz), beside what the contact sees.
 
     Raises:
         NumericalError: the fit did not end with finite, stable poles.
@@ -177,7 +179,7 @@ def fit_track(
     at = beam.sections(track, section_count)
     half = at[: len(at) // 2 + 1]  # the span is symmetric about its middle
     exact = beam.receptance(track, frequency, half)
-    weight = 1 / np.abs(exact + contact_compliance(2 * np.pi * frequency))
+    weight = emphasis(frequency) / np.abs(exact + contact_compliance(2 * np.pi * frequency))
     poles = common_poles(frequency, exact, weight, order)
     residues = residues_of(frequency, exact, weight, poles, beam.static_compliance(track, half))
     mirror = np.minimum(np.arange(len(at)), len(at) - np.arange(len(at)))

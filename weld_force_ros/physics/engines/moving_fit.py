@@ -18,14 +18,7 @@ from numpy.typing import NDArray
 
 from weld_force_ros.errors import NumericalError
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
-from weld_force_ros.physics.engines.common_poles import (
-    BAND_HZ,
-    SECTIONS,
-    PoleModel,
-    common_poles,
-    fit_frequencies,
-    residues_of,
-)
+from weld_force_ros.physics.engines.common_poles import BAND_HZ, PoleModel, fit_track
 from weld_force_ros.physics.engines.greens_function import DEFLECTIONS, GreensFunctionModel, MovingReceptance
 from weld_force_ros.physics.engines.moving_poles import SPEED_M_S, MovingPoleModel, Symmetry
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
@@ -166,19 +159,12 @@ def _trial_positions(track: Track) -> FloatArray:
 
 def start(target: Target, order: int) -> MovingPoleModel:
     """Return poles and shapes of point receptances, the signs of shapes with nodes by the error at speed."""
-    track, wheel = target.track, target.wheel
-    frequency, at = fit_frequencies(), beam.sections(track, SECTIONS)
-    half = at[: len(at) // 2 + 1]
-    exact = beam.receptance(track, frequency, half, threads=1)
-    weight = _by_frequency(frequency) / np.abs(exact + wheel.compliance(2 * np.pi * frequency))
-    poles = common_poles(frequency, exact, weight, order)
-    residues = residues_of(frequency, exact, weight, poles, beam.static_compliance(track, half))
-    mirror = np.minimum(np.arange(len(at)), len(at) - np.arange(len(at)))
-    fit = PoleModel(poles, residues[mirror], at, track.spacing_m)
-    share = np.abs(residues) / np.abs(residues).max(axis=0)
-    nodes = [(share[0, k], k, Symmetry.NODE_AT_SLEEPERS) for k in range(len(poles))]
-    nodes += [(share[-1, k], k, Symmetry.NODE_AT_MID_SPAN) for k in range(len(poles))]
-    symmetries = np.full(len(poles), Symmetry.ALIKE, dtype=np.intp)
+    fit = fit_track(target.track, target.wheel.compliance, order, emphasis=_by_frequency)
+    count, mid_span = len(fit.poles_rad_s), len(fit.section_m) // 2
+    share = np.abs(fit.residues) / np.abs(fit.residues).max(axis=0)
+    nodes = [(share[0, k], k, Symmetry.NODE_AT_SLEEPERS) for k in range(count)]
+    nodes += [(share[mid_span, k], k, Symmetry.NODE_AT_MID_SPAN) for k in range(count)]
+    symmetries = np.full(count, Symmetry.ALIKE, dtype=np.intp)
     best = as_moving(fit, symmetries)
     for _, k, symmetry in sorted(node for node in nodes if node[0] < _NODE):
         tried = symmetries.copy()
