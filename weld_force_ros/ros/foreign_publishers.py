@@ -2,6 +2,7 @@
 
 from collections import OrderedDict
 from collections.abc import Callable
+from functools import partial
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -43,11 +44,10 @@ class TolerantSubscription:
         group: CallbackGroup | None = None,
     ) -> None:
         self._node = node
-        self._message_type = message_type
         self._topic = topic
         self._recorded_as = profile
         self._take = take
-        self._group = group
+        self._subscribe_raw = partial(subscribe_raw, node, message_type, topic, take=self._take_once, group=group)
         self._taken: OrderedDict[tuple[int, int], None] = OrderedDict()
         self.subscriptions: list[Subscription] = []
         self._subscribe(profile)
@@ -64,17 +64,8 @@ class TolerantSubscription:
             if tolerant is not None and len(self.subscriptions) == count:
                 self._accept(tolerant)
 
-        self.subscriptions.append(
-            subscribe_raw(
-                self._node,
-                self._message_type,
-                self._topic,
-                profile,
-                self._take_once,
-                self._group,
-                SubscriptionEventCallbacks(incompatible_qos=accept_mismatch),
-            )
-        )
+        events = SubscriptionEventCallbacks(incompatible_qos=accept_mismatch)
+        self.subscriptions.append(self._subscribe_raw(profile=profile, events=events))
 
     def _accept(self, tolerant: QoSProfile) -> None:
         self._subscribe(tolerant)

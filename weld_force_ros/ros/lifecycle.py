@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter
 from weld_force_ros.errors import InputError, WeldForceError
 from weld_force_ros.ros.contract_topics import ContractTopics
 from weld_force_ros.ros.parameters import PARAMETERS, NodeParameter, check_names
-from weld_force_ros.ros.worker import BackPressureGroup
+from weld_force_ros.ros.worker import BackPressureGroup, Worker
 
 CLOSE_S = 5.0
 """How long a node that is closed waits for the message it handles and for what it has published to arrive."""
@@ -32,6 +32,7 @@ class LifecycleNodeBase(LifecycleNode):
 
     kind: str
     topics: ContractTopics
+    _worker: Worker[Any] | None = None  # made when configured, by nodes that have one
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(self.kind, **node_options)
@@ -55,9 +56,9 @@ class LifecycleNodeBase(LifecycleNode):
         return self._configured
 
     @property
-    @abstractmethod
     def pending(self) -> int:
-        """Return how many messages are queued or being handled."""
+        """Return how many messages are queued or being handled, by the node's worker if it has one."""
+        return self._worker.pending if self._configured and self._worker is not None else 0
 
     @property
     def active(self) -> bool:
@@ -76,7 +77,7 @@ class LifecycleNodeBase(LifecycleNode):
 
     @property
     def _has_room(self) -> bool:
-        return True
+        return self._worker is None or self._worker.has_room
 
     @abstractmethod
     def _configure(self, values: dict[str, Any]) -> None:

@@ -151,15 +151,6 @@ class AssessmentNode(LifecycleNodeBase):
         self._resources.callback(self.destroy_timer, timer)
 
     @property
-    def _has_room(self) -> bool:
-        return self._worker.has_room
-
-    @property
-    def pending(self) -> int:
-        """Return how many messages are queued or being handled."""
-        return self._worker.pending if self._configured else 0
-
-    @property
     def awaited(self) -> int:
         """Return how many force maps are probably on their way: none if no message came for a while."""
         return self._outcomes.awaited

@@ -67,15 +67,6 @@ class DashboardNode(LifecycleNodeBase):
 
             segno.make(self.url).terminal(sys.stderr, compact=True)  # for the tablet's camera
 
-    @property
-    def _has_room(self) -> bool:
-        return self._worker.has_room
-
-    @property
-    def pending(self) -> int:
-        """Return how many messages are not on the page yet."""
-        return self._worker.pending if self._configured else 0
-
     def _queue(self, kind: type[Message], serialized: SerializedMessage) -> None:
         self._worker.put((kind, serialized))
 

@@ -80,15 +80,6 @@ class FoxgloveNode(LifecycleNodeBase):
         layout = resources.files("weld_force_ros.data") / "foxglove" / "weld-force.json"
         self.get_logger().info(f"Foxglove: open connection {self.url}; a layout to import: {layout}")
 
-    @property
-    def _has_room(self) -> bool:
-        return self._worker.has_room
-
-    @property
-    def pending(self) -> int:
-        """Return how many messages are not streamed yet."""
-        return self._worker.pending if self._configured else 0
-
     def _contract_channel(self, kind: type[Message], context: foxglove.Context) -> foxglove.Channel:
         schema = foxglove.Schema(
             name=f"weld_force_ros/{kind.__name__}",

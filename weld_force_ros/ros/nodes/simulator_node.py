@@ -72,15 +72,6 @@ class SimulatorNode(LifecycleNodeBase):
         self.topics.subscribe(Settled, self._note_settled)
         self.topics.subscribe(WeldProfile, self._worker.put)
 
-    @property
-    def _has_room(self) -> bool:
-        return self._worker.has_room
-
-    @property
-    def pending(self) -> int:
-        """Return how many profiles are queued or being simulated."""
-        return self._worker.pending if self._configured else 0
-
     def _check_change(self, values: dict[str, Any]) -> None:
         settings_from_parameters(values)
 

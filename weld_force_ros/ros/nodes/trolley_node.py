@@ -64,11 +64,6 @@ class TrolleyNode(LifecycleNodeBase):
             self._stopped.set()
 
     @property
-    def pending(self) -> int:
-        """Return 0: what is measured is sent at once."""
-        return 0
-
-    @property
     def finished(self) -> bool:
         """Return whether the whole rail was measured and every weld marked."""
         return self._configured and self._finished.is_set()
