@@ -13,7 +13,7 @@ import pytest
 from weld_force_ros.cli.main import main
 from weld_force_ros.physics.track.beam import sections, static_compliance
 from weld_force_ros.physics.track.support import Support, TabulatedSpring
-from weld_force_ros.simulation import fit_store, track_file
+from weld_force_ros.simulation import fit_file, fit_store, track_file
 from weld_force_ros.simulation.few_passages import support_levels
 from weld_force_ros.simulation.sampling import supported
 from weld_force_ros.simulation.settings import load_uncertainty, simulation_settings
@@ -133,9 +133,9 @@ def test_shipped_fits_hold_the_exact_static_stiffness_of_every_section(name: str
 
 def test_poles_that_change_with_speed_come_out_of_the_file_again(tmp_path: Path):
     fit = fit_store.fitted_moving(track_file.load("bilbao-viscous"))
-    assert isinstance(fit, fit_store.MovingPolesFit)
-    fit_store.write(fit, tmp_path / "fit.json")
-    again = msgspec.json.decode((tmp_path / "fit.json").read_bytes(), type=fit_store.AnyFit)
+    assert isinstance(fit, fit_file.MovingPolesFit)
+    fit_file.write(fit, tmp_path / "fit.json")
+    again = msgspec.json.decode((tmp_path / "fit.json").read_bytes(), type=fit_file.AnyFit)
     assert again == fit
     at = np.linspace(0.0, 1.2, 7)
     np.testing.assert_array_equal(again.model().shapes_at(at), fit.model().shapes_at(at))
@@ -144,7 +144,7 @@ def test_poles_that_change_with_speed_come_out_of_the_file_again(tmp_path: Path)
 def test_a_fit_at_rest_that_is_good_enough_stays_as_it_is():
     definition = track_file.load("johansson-nielsen")
     moving, usual = fit_store.fitted_moving(definition), fit_store.fitted(definition)
-    assert isinstance(moving, fit_store.PolesFit)
+    assert isinstance(moving, fit_file.PolesFit)
     assert moving.residues_re == usual.residues_re
     assert moving.poles_im_rad_s == usual.poles_im_rad_s
 

@@ -26,7 +26,7 @@ from weld_force_ros.campaign.profile_table import ProfileRow, RejectedRow
 from weld_force_ros.campaign.sources import WeldBatch
 from weld_force_ros.errors import InputError, WeldForceError
 from weld_force_ros.messages import ForceMap, Verdict, WeldProfile
-from weld_force_ros.simulation import fit_store, track_file
+from weld_force_ros.simulation import fit_file, fit_store, track_file
 from weld_force_ros.simulation.force_map_view import whole_map
 from weld_force_ros.simulation.simulator import Simulator
 
@@ -244,14 +244,14 @@ def export_fits(plan: Plan, out: Path) -> None:
         for settings in section.vehicles.values():
             if settings.engine != "reference":
                 definition = track_file.parse(settings.track_definition, settings.track)
-                fits: list[fit_store.AnyFit] = [fit_store.fitted(definition, settings.engine)]
+                fits: list[fit_file.AnyFit] = [fit_store.fitted(definition, settings.engine)]
                 if settings.poles == "moving":
                     fits.append(fit_store.fitted_moving(definition))
                 for fit in fits:
-                    fit_store.write(fit, out / FITS / f"{fit.key}.json")
+                    fit_file.write(fit, out / FITS / f"{fit.key}.json")
 
 
 def import_fits(out: Path) -> None:
     """Copy the fits that came with the campaign into this user's cache, from where they are loaded."""
     for file in sorted((out / FITS).glob("*.json")):
-        fit_store.keep(msgspec.json.decode(file.read_bytes(), type=fit_store.AnyFit))
+        fit_store.keep(msgspec.json.decode(file.read_bytes(), type=fit_file.AnyFit))

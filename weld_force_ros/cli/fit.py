@@ -11,7 +11,8 @@ from weld_force_ros.errors import InputError, os_errors_as
 
 if TYPE_CHECKING:
     from weld_force_ros.physics.engines.rational_search import Progress
-    from weld_force_ros.simulation.fit_store import AnyFit, RfpFit, Search
+    from weld_force_ros.simulation.fit_file import AnyFit, RfpFit
+    from weld_force_ros.simulation.fit_store import Search
     from weld_force_ros.simulation.track_file import TrackDefinition
 
 
@@ -28,12 +29,12 @@ def fit(
 ) -> None:
     """Fit a track now and show its errors; an interrupted search continues where it stopped."""
     from weld_force_ros.cli import terminal
-    from weld_force_ros.simulation import fit_store, track_file
+    from weld_force_ros.simulation import fit_file, fit_store, track_file
 
     definition = track_file.load(track)
     if engine not in ("rfp", "common-poles"):
         raise InputError(f"engine {engine!r} has no fit", "use rfp or common-poles")
-    made: fit_store.AnyFit
+    made: fit_file.AnyFit
     if engine == "rfp":
         made = _searched(definition, fit_store.Search(degree, sections, seed, generations, population))
     else:
@@ -41,7 +42,7 @@ def fit(
             bar.add_task(f"fitting {definition.track.name}", total=None)
             made = fit_store.make_poles(definition)
     fit_store.keep(made)
-    if isinstance(made, fit_store.PolesFit) and definition.moving:
+    if isinstance(made, fit_file.PolesFit) and definition.moving:
         with terminal.progress() as bar:
             bar.add_task(f"fitting {definition.track.name} for a wheel that moves", total=None)
             made = fit_store.make_moving(definition, made)
@@ -55,7 +56,7 @@ def fit(
 
         name = f"{made.track}.{made.engine}".replace("/", "_")
         with os_errors_as(InputError, out, "name a writable folder"):
-            fit_store.write(made, out / f"{name}.json")
+            fit_file.write(made, out / f"{name}.json")
         figures.save(fit_figure(definition, made), out / f"{name}.png")
         terminal.say(f"written: {out / name}.json and .png")
     if not definition.track.causal:
@@ -84,7 +85,7 @@ def _searched(definition: "TrackDefinition", search: "Search") -> "RfpFit":
 
 def _show_fit(made: "AnyFit") -> None:
     from weld_force_ros.cli import terminal
-    from weld_force_ros.simulation.fit_store import RfpFit
+    from weld_force_ros.simulation.fit_file import RfpFit
 
     bands = zip(made.bands_hz[::2], made.bands_hz[1::2], made.error_by_band, made.acausal_floor_by_band, strict=True)
     terminal.table(

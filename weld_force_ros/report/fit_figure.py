@@ -7,7 +7,7 @@ import numpy as np
 from weld_force_ros.physics.engines.moving_poles import MovingPoleModel
 from weld_force_ros.physics.track.beam import receptance
 from weld_force_ros.report.figures import BLUE, GREEN, GREY, ORANGE, RED, new_figure
-from weld_force_ros.simulation.fit_store import AnyFit, RfpFit
+from weld_force_ros.simulation.fit_file import AnyFit, RfpFit
 from weld_force_ros.simulation.track_file import TrackDefinition
 
 if TYPE_CHECKING:

@@ -33,6 +33,7 @@ from weld_force_ros.physics.track.beam import StripRail, Track
 from weld_force_ros.physics.track.causality import acausal
 from weld_force_ros.physics.track.local_support import LocalSupports
 from weld_force_ros.physics.track.support import Spring, Support
+from weld_force_ros.simulation.fit_file import AnyFit, MovingPolesFit, PolesFit, RfpFit, read, write
 from weld_force_ros.simulation.track_file import TrackDefinition
 
 # Part of every fit's key: raise it when the fit of the same track would come out differently.
@@ -43,118 +44,6 @@ _MOVING_VERSION = 1
 FittedEngine = Literal["common-poles", "rfp"]
 
 _DATA = resources.files("weld_force_ros.data")
-
-
-class Fit(msgspec.Struct, kw_only=True, tag_field="engine"):
-    """A fit on disk: its input, its errors, and the errors that no causal fit could avoid.
-
-    `*_by_band` follow `bands_hz` (pairs of ends): RMS of |fit - exact| / |exact + contact and wheel|, and the same for
-    the exact receptance cut at the impulse, mid-span.
-    """
-
-    key: str
-    track: str
-    software: str
-    order: int
-    spacing_m: float
-    error: float
-    bands_hz: list[float]
-    error_by_band: list[float]
-    acausal_energy_share: float
-    acausal_floor_by_band: list[float]
-
-    @property
-    def engine(self) -> str:
-        """The engine that uses it."""
-        return str(self.__struct_config__.tag)
-
-
-class PolesFit(Fit, kw_only=True, tag="common-poles"):
-    """Common poles; `residues_*` are row-major (section, pole)."""
-
-    section_m: list[float]
-    poles_re_rad_s: list[float]
-    poles_im_rad_s: list[float]
-    residues_re: list[float]
-    residues_im: list[float]
-    spans: int = 1
-    image_m: float = 0.0
-
-    def model(self) -> PoleModel:
-        """Return the fitted track."""
-        shape = (len(self.section_m), len(self.poles_re_rad_s))
-        return PoleModel(
-            poles_rad_s=np.array(self.poles_re_rad_s) + 1j * np.array(self.poles_im_rad_s),
-            residues=(np.array(self.residues_re) + 1j * np.array(self.residues_im)).reshape(shape),
-            section_m=np.array(self.section_m),
-            spacing_m=self.spacing_m,
-            spans=self.spans,
-            image_m=self.image_m,
-        )
-
-
-class RfpFit(Fit, kw_only=True, tag="rfp"):
-    """Rational fractions; tables are row-major (section, coefficient) or (section, pole).
-
-    `front_*` are the objectives of all fits that the search found unbeaten, `knee` the chosen one among them, `plain_*`
-    those of the fit with weights 1 / |h|; `genes` are the chosen weights' logarithms and the tie's.
-    """
-
-    seed: int
-    generations: int
-    population: int
-    section_count: int
-    scale_rad_s: float
-    denominator: list[float]
-    numerator: list[float]
-    poles_re_rad_s: list[float]
-    poles_im_rad_s: list[float]
-    genes: list[float]
-    front_error: list[float]
-    front_variation: list[float]
-    knee: int
-    plain_error: float
-    plain_variation: float
-
-    def model(self) -> RfpModel:
-        """Return the fitted track."""
-        shape = (self.section_count, self.order)
-        return RfpModel(
-            denominator=np.array(self.denominator).reshape(shape),
-            numerator=np.array(self.numerator).reshape(shape),
-            spacing_m=self.spacing_m,
-            scale_rad_s=self.scale_rad_s,
-        )
-
-
-class MovingPolesFit(Fit, kw_only=True, tag="moving-poles"):
-    """Common poles that change with speed, as of `physics.engines.moving_poles`; `series_*` are row-major."""
-
-    rates_re: list[float]
-    rates_im: list[float]
-    rate_changes_re: list[float]
-    rate_changes_im: list[float]
-    strengths: list[float]
-    strength_changes_re: list[float]
-    strength_changes_im: list[float]
-    series_re: list[float]
-    series_im: list[float]
-    symmetries: list[int]
-
-    def model(self) -> MovingPoleModel:
-        """Return the fitted track."""
-        return MovingPoleModel(
-            rates=np.array(self.rates_re) + 1j * np.array(self.rates_im),
-            rate_changes=np.array(self.rate_changes_re) + 1j * np.array(self.rate_changes_im),
-            strengths=np.array(self.strengths),
-            strength_changes=np.array(self.strength_changes_re) + 1j * np.array(self.strength_changes_im),
-            series=(np.array(self.series_re) + 1j * np.array(self.series_im)).reshape(len(self.rates_re), -1),
-            symmetries=np.array(self.symmetries),
-            spacing_m=self.spacing_m,
-        )
-
-
-AnyFit = PolesFit | RfpFit | MovingPolesFit
 
 
 class Search(msgspec.Struct, frozen=True):
@@ -220,12 +109,11 @@ def fitted(
         engine: which kind of fit.
         on_fit: called with a line of text if the fit has to be made: which, and how long it takes.
     """
-    key, name = key_of(definition, engine), definition.track.name
-    if (shipped := _read(_DATA / "fits" / f"{name}.{engine}.json", key)) is not None:
-        return shipped
-    how_long = "some minutes" if engine == "rfp" else "some seconds"
+    name, how_long = definition.track.name, "some minutes" if engine == "rfp" else "some seconds"
     announcement = f"fitting track {name} for engine {engine}, once: {how_long}"
-    return _cached(key, lambda: make(definition, engine), announcement, on_fit)
+    return _kept(
+        key_of(definition, engine), lambda: make(definition, engine), announcement, on_fit, bundled=f"{name}.{engine}"
+    )
 
 
 def fitted_moving(
@@ -240,16 +128,15 @@ def fitted_moving(
     """
     if not definition.moving:
         return fitted(definition, on_fit=on_fit)
-    key, name = _moving_key(definition), definition.track.name
-    for file in (_DATA / "fits" / f"{name}.moving-poles.json", _files.cache_folder("fits") / f"{key}.json"):
-        found = _read(file, key)
-        if isinstance(found, PolesFit | MovingPolesFit):
-            return found
-    usual = fitted(definition, on_fit=on_fit)
-    if on_fit:
-        on_fit(f"fitting track {name} for a wheel that moves, once: some ten seconds")
-    fit = make_moving(definition, usual)
-    keep(fit)
+    name = definition.track.name
+    fit = _kept(
+        _moving_key(definition),
+        lambda: make_moving(definition, fitted(definition, on_fit=on_fit)),
+        f"fitting track {name} for a wheel that moves, once: some ten seconds",
+        on_fit,
+        bundled=f"{name}.moving-poles",
+    )
+    assert not isinstance(fit, RfpFit), "moving contacts are fitted by poles"  # noqa: S101
     return fit
 
 
@@ -259,7 +146,7 @@ def _moving_key(definition: TrackDefinition) -> str:
 
 def make_moving(definition: TrackDefinition, usual: PolesFit) -> PolesFit | MovingPolesFit:
     """Fit common poles to what a moving contact finds; see `fitted_moving`."""
-    with threadpool_limits(limits=1, user_api="blas"):
+    with _one_blas_thread():
         model, off = moving_fit.moving_fit(definition.track, definition.wheel, usual.model())
     if isinstance(model, PoleModel):
         return msgspec.structs.replace(usual, key=_moving_key(definition), error=off)
@@ -293,16 +180,23 @@ def fitted_window(
         msgspec.json.encode([_WINDOW_VERSION, key_of(definition), asdict(supports)], order="sorted")
     ).hexdigest()
     announcement = f"fitting track {definition.track.name} with supports of its own, once: some ten seconds"
-    fit = _cached(key, lambda: _make_window(definition, supports, key), announcement, on_fit)
+    fit = _kept(key, lambda: _make_window(definition, supports, key), announcement, on_fit)
     assert isinstance(fit, PolesFit), "windows are fitted by common poles"  # noqa: S101
     return fit
 
 
-def _cached(
-    key: str, make_fit: Callable[[], AnyFit], announcement: str, on_fit: Callable[[str], None] | None
+def _kept(
+    key: str,
+    make_fit: Callable[[], AnyFit],
+    announcement: str,
+    on_fit: Callable[[str], None] | None,
+    *,
+    bundled: str | None = None,
 ) -> AnyFit:
-    """Return the fit of that key from the user's cache, or make it, announced, and keep it there."""
-    if (found := _read(_files.cache_folder("fits") / f"{key}.json", key)) is not None:
+    """Return the fit of that key: bundled, from the user's cache, or made now, announced, and kept there."""
+    if bundled is not None and (found := read(_DATA / "fits" / f"{bundled}.json", key)) is not None:
+        return found
+    if (found := read(_files.cache_folder("fits") / f"{key}.json", key)) is not None:
         return found
     if on_fit:
         on_fit(announcement)
@@ -479,18 +373,3 @@ def _account(
         "acausal_energy_share": before.energy_share,
         "acausal_floor_by_band": [before.floor(compliance, band) for band in REPORT_BANDS],
     }
-
-
-def write(fit: AnyFit, path: Path) -> None:
-    """Write a fit so that another process sees either the whole file or none."""
-    _files.write_whole(path, msgspec.json.format(msgspec.json.encode(fit), indent=0) + b"\n")
-
-
-def _read(file: resources.abc.Traversable, key: str) -> AnyFit | None:
-    """Return the fit of that key in a file, or None: a damaged cache entry counts as absent."""
-    try:
-        fit: AnyFit = msgspec.json.decode(file.read_bytes(), type=AnyFit)
-        fit.model()
-    except (OSError, ValueError):
-        return None
-    return fit if fit.key == key else None

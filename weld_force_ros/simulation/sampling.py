@@ -18,6 +18,7 @@ from weld_force_ros.physics.threads import executor
 from weld_force_ros.physics.track.local_support import LocalSupports
 from weld_force_ros.simulation import fit_store
 from weld_force_ros.simulation.few_passages import FewPassages, support_levels
+from weld_force_ros.simulation.fit_file import PolesFit
 from weld_force_ros.simulation.force_map_view import Passages, RelevantMap, rounded
 from weld_force_ros.simulation.measured_geometry import sampled_geometries
 from weld_force_ros.simulation.profile_measures import sampled_measures
@@ -147,7 +148,7 @@ class Sampler:
 
 def _fitted(
     definition: TrackDefinition, supports: LocalSupports | None, on_fit: Callable[[str], None] | None
-) -> fit_store.PolesFit:
+) -> PolesFit:
     if supports is None:
         return fit_store.fitted(definition, on_fit=on_fit)
     return fit_store.fitted_window(definition, supports, on_fit=on_fit)

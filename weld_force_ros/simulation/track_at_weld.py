@@ -17,6 +17,7 @@ from weld_force_ros.physics.track.causality import acausal
 from weld_force_ros.physics.track.local_support import LocalSupports, SupportChange
 from weld_force_ros.physics.track.support import Spring
 from weld_force_ros.simulation import fit_store
+from weld_force_ros.simulation.fit_file import AnyFit
 from weld_force_ros.simulation.sampling import Sampler
 from weld_force_ros.simulation.sleeper_samples import SleeperSensitivities
 from weld_force_ros.simulation.track_file import TrackDefinition
@@ -111,7 +112,7 @@ class TracksAtWelds:
         track = self._definition.track
         return acausal(track, track.spacing_m / 2, threads=self._threads).floor(self._wheel.compliance, BAND_HZ)
 
-    def _fit(self, supports: LocalSupports | None) -> fit_store.AnyFit:
+    def _fit(self, supports: LocalSupports | None) -> AnyFit:
         engine = self._settings.engine
         assert engine != "reference", "reference has no fit"  # noqa: S101
         if supports is None and self._settings.poles == "moving":
