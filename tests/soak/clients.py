@@ -22,6 +22,8 @@ import rclpy
 from weld_force_ros.recording import count_outcomes, open_bag
 from weld_force_ros.ros import environment
 
+from .field import show
+
 ROOT = Path(__file__).parents[2]
 BREAKS: tuple[dict[str, Any], ...] = (
     {"profile_sha256": "0" * 64},
@@ -112,10 +114,7 @@ def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("--welds", type=int, default=200)
     result = run(parser.parse_args().welds)
-    for name, value in vars(result).items():
-        print(f"{name:12} {dict(value) if isinstance(value, Counter) else value}")
-    print("passed" if result.passed else "FAILED")
-    return 0 if result.passed else 1
+    return show(vars(result), result.passed)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from weld_force_ros.ros.node_suite import KINDS
 
-from .field import Field, recorded, wait_until
+from .field import Field, recorded, show, wait_until
 from .field import field as run_field
 from .second_reader import check_bag
 
@@ -73,8 +73,7 @@ def run(welds: int, *, show: bool = False, **simulator: str) -> Result:
         for kind in KINDS:
             supervisor.processes[kind].stop(60.0)
         found = recorded(bag)
-        result.lost = len(suite.load.usable - found.judged)
-        result.doubled = sum(n - 1 for n in found.outcomes.values())
+        result.lost, result.doubled = found.lost(suite.load), found.doubled
         result.bag_mb = round(sum(file.stat().st_size for file in bag.iterdir()) / 1e6, 1)
         result.second_reader = check_bag(bag).total()
     return result
@@ -117,10 +116,7 @@ def main() -> int:
     parser.add_argument("--welds", type=int, default=10_000)
     given = parser.parse_args()
     result = run(given.welds, show=True)
-    for name, value in {**vars(result), "growth_mb": result.growth_mb}.items():
-        print(f"{name:16} {value}")
-    print("passed" if result.passed else "FAILED")
-    return 0 if result.passed else 1
+    return show({**vars(result), "growth_mb": result.growth_mb}, result.passed)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -153,6 +153,16 @@ class Recorded(NamedTuple):
     judged: set[str]
     verdicts: set[tuple[str, int]]
 
+    @property
+    def doubled(self) -> int:
+        """Outcomes beyond the first of each measurement."""
+        return sum(count - 1 for count in self.outcomes.values())
+
+    def lost(self, load: Load) -> int:
+        """Files without an outcome, usable and bad ones."""
+        bad, rejected = load.dropped - len(load.usable), len(self.outcomes) - len(self.judged)
+        return len(load.usable - self.judged) + max(0, bad - rejected)
+
 
 class _Line(msgspec.Struct):
     weld_id: str = ""
@@ -174,3 +184,11 @@ def recorded(bag: Path) -> Recorded:
             found.judged.add(line.weld_id)
             found.verdicts.add((line.publisher, line.sequence))
     return found
+
+
+def show(result: Mapping[str, Any], passed: bool) -> int:
+    """Print a run's result, a line a figure, and return the exit code."""
+    for name, value in result.items():
+        print(f"{name:16} {dict(value) if isinstance(value, Counter) else value}")
+    print("passed" if passed else "FAILED")
+    return 0 if passed else 1

@@ -14,7 +14,7 @@ from pathlib import Path
 from weld_force_ros.recording import export_json, recover
 from weld_force_ros.ros.node_suite import KINDS, Kind
 
-from .field import Field, recorded, wait_until
+from .field import Field, recorded, show, wait_until
 from .field import field as run_field
 from .second_reader import check_bag, check_export
 
@@ -104,10 +104,7 @@ def _load(suite: Field, welds_per_s: float, stopping: threading.Event) -> None:
 def _judge(suite: Field, due: set[tuple[str, int]], result: Result) -> None:
     found = recorded(suite.bag)
     result.welds = suite.load.dropped
-    bad = result.welds - len(suite.load.usable)
-    rejected = len(found.outcomes) - len(found.judged)
-    result.lost = len(suite.load.usable - found.judged) + max(0, bad - rejected)
-    result.doubled = sum(n - 1 for n in found.outcomes.values())
+    result.lost, result.doubled = found.lost(suite.load), found.doubled
     result.unrecorded = len(due - found.verdicts)
     result.received_twice = sum(
         n - 1 for n in Counter((v.publisher, v.sequence) for v in suite.listener.verdicts).values()
@@ -128,10 +125,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     result = run(given.kills, seed=given.seed)
-    for name, value in vars(result).items():
-        print(f"{name:16} {dict(value) if isinstance(value, Counter) else value}")
-    print("passed" if result.passed else "FAILED")
-    return 0 if result.passed else 1
+    return show(vars(result), result.passed)
 
 
 if __name__ == "__main__":

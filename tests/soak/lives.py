@@ -21,7 +21,7 @@ from pathlib import Path
 from weld_force_ros.recording import count_outcomes, open_bag
 from weld_force_ros.ros.environment import use_own_domain
 
-from .field import Listener, Load, recorded
+from .field import Listener, Load, recorded, show
 
 _STARTS_WITHIN_S = 150.0
 _ALL_WITHIN_S = 300.0
@@ -129,10 +129,7 @@ def _judge(load: Load, bag: Path, result: Result) -> None:
     found, counted = recorded(bag), count_outcomes(open_bag(bag))
     assert counted is not None
     result.welds, result.open = load.dropped, counted.open
-    bad = result.welds - len(load.usable)
-    rejected = len(found.outcomes) - len(found.judged)
-    result.lost = len(load.usable - found.judged) + max(0, bad - rejected)
-    result.doubled = sum(n - 1 for n in found.outcomes.values())
+    result.lost, result.doubled = found.lost(load), found.doubled
 
 
 def main() -> int:
@@ -142,10 +139,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     result = run(given.each, seed=given.seed)
-    for name, value in vars(result).items():
-        print(f"{name:12} {value}")
-    print("passed" if result.passed else "FAILED")
-    return 0 if result.passed else 1
+    return show(vars(result), result.passed)
 
 
 if __name__ == "__main__":
