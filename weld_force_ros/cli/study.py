@@ -132,14 +132,12 @@ def study_rail(
             start_progress=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
             on_fit=terminal.say,
         )
-    rendered = gallery.write_study(found, out)
-    gallery.write_page(out / "rail.html", [rendered], title=found.title, introduction="One track with either rail.")
+    rendered = gallery.write_alone(found, out, "One track with either rail.")
     with json_output.lines(json) as lines:
         json_output.write(lines, found.measured)
     for name in ("differences", "forces"):
         terminal.show_table(found.tables[name])
-    _say_where([rendered], out)
-    terminal.say(f"page: {out / 'rail.html'}")
+    _say_page(rendered, out)
 
 
 @app.command("support")
@@ -155,17 +153,14 @@ def study_support(out: Out, quick: Quick = False, json: Json = None) -> None:
             start_progress=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
             on_fit=terminal.say,
         )
-    shown = gallery.write_study(found, out)
-    gallery.write_page(
-        out / "support.html", [shown], title=found.title,
-        introduction="A sleeper that hangs has 2 % of the track's stiffness and damping beneath it.",
-    )  # fmt: skip
+    rendered = gallery.write_alone(
+        found, out, "A sleeper that hangs has 2 % of the track's stiffness and damping beneath it."
+    )
     with json_output.lines(json) as lines:
         json_output.write(lines, found.measured)
     terminal.show_table(support_study.summary(found))
     terminal.show_table(found.tables["bending-sleepers"])
-    _say_where([shown], out)
-    terminal.say(f"page: {out / 'support.html'}")
+    _say_page(rendered, out)
 
 
 @app.command("infer")
@@ -193,10 +188,9 @@ def study_infer(
             lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
             also,
         )
-    rendered = gallery.write_study(found, out)
-    gallery.write_page(
-        out / "infer.html", [rendered], title=found.title,
-        introduction="Of the paper's welds only the text is known. These shapes meet what it says of the force over "
+    rendered = gallery.write_alone(
+        found, out,
+        "Of the paper's welds only the text is known. These shapes meet what it says of the force over "
         "speed, as far as any was found; what else it says is held out, and counted apart.",
     )  # fmt: skip
     solutions = found.tables["solutions"]
@@ -205,8 +199,7 @@ def study_infer(
             json_output.write(lines, dict(zip((column.name for column in solutions.columns), row, strict=True)))
     terminal.show_table(solutions)
     terminal.show_table(found.tables["spread"])
-    _say_where([rendered], out)
-    terminal.say(f"page: {out / 'infer.html'}")
+    _say_page(rendered, out)
 
 
 @app.command("variants")
@@ -218,10 +211,9 @@ def study_variants(out: Out, quick: Quick = False, json: Json = None) -> None:
     gallery.make_folder(out / "variants")  # before anything is computed
     with terminal.progress() as bar:
         found = variants_study.run(quick, lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)))
-    rendered = gallery.write_study(found, out)
-    gallery.write_page(
-        out / "variants.html", [rendered], title=found.title,
-        introduction="Where the paper's text says how, its way beside ours: rational fractions of degree 7 over 8, and "
+    rendered = gallery.write_alone(
+        found, out,
+        "Where the paper's text says how, its way beside ours: rational fractions of degree 7 over 8, and "
         "a continuous track that is fitted to the discrete one instead of its supports smeared.",
     )  # fmt: skip
     counts, differing = found.tables["counts"], found.tables["claims"]
@@ -231,8 +223,14 @@ def study_variants(out: Out, quick: Quick = False, json: Json = None) -> None:
                 json_output.write(lines, dict(zip((column.name for column in table.columns), row, strict=True)))
     for name in ("claims", "tracks", "counts"):
         terminal.show_table(found.tables[name])
+    _say_page(rendered, out)
+
+
+def _say_page(rendered: "RenderedStudy", out: Path) -> None:
+    from weld_force_ros.cli import terminal
+
     _say_where([rendered], out)
-    terminal.say(f"page: {out / 'variants.html'}")
+    terminal.say(f"page: {out / rendered.name}.html")
 
 
 def _say_where(rendered: "list[RenderedStudy]", out: Path) -> None:

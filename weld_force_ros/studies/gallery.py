@@ -44,6 +44,13 @@ def write_study(found: StudyResult, out: Path) -> RenderedStudy:
     return RenderedStudy(found.name, found.title, pictures, [f"{found.name}/{name}.csv" for name in found.tables])
 
 
+def write_alone(found: StudyResult, folder: Path, introduction: str) -> RenderedStudy:
+    """Write a study as `write_study` does, and a page of it alone, which has its name."""
+    rendered = write_study(found, folder)
+    write_page(folder / f"{found.name}.html", [rendered], title=found.title, introduction=introduction)
+    return rendered
+
+
 def make_folder(folder: Path) -> Path:
     """Make a folder, if it does not exist, and return it.
 
