@@ -47,7 +47,7 @@ class Sqlite3File(RecordedFile):
                             self.lost_bytes += len(data)
                             continue
                     yield Recorded(topic, definition, bytes(data), time_ns, time_ns)
-        except (OSError, BagError, GeneratorExit):
+        except (OSError, BagError):
             raise
         except Exception as error:  # rosbags and SQLite have no common class for what they cannot read
             raise BagError(f"{self.path} cannot be read: {' '.join(str(error).split())}", CONVERT) from error
