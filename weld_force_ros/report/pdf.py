@@ -33,7 +33,6 @@ def print_pdf(page: Path, pdf: Path) -> None:
             f"no Chromium was found to print {pdf}", f"install one, or name it in {BROWSER_VARIABLE}; {page} is written"
         )
     try:
-        pdf.parent.mkdir(parents=True, exist_ok=True)
         pdf.unlink(missing_ok=True)
         last_words = _print(browser, page, pdf)
     except subprocess.TimeoutExpired:
