@@ -21,7 +21,7 @@ class WeldForceError(Exception):
         ...     wf.Profile([0.0, 1.0], [0.0, 0.0], weld_id="short")
         ... except wf.WeldForceError as error:
         ...     print(error)
-        short: 2 samples, 20 are needed; give metres, x_m increasing, a height for each place
+        short: 2 samples, 20 are needed; give the whole weld, at a spacing of 10 mm or finer
     """
 
     def __init__(self, reason: str, remedy: str = "") -> None:

@@ -62,7 +62,7 @@ def of_force_map(force_map: ForceMap, settings: SimulationSettings | None) -> xr
     coordinates: _Variables = {
         "speed_kmh": _variable("speed_kmh", ("speed_kmh",), force_map.speeds_kmh),
         "position_m": _variable("position_m", ("position_m",), force_map.positions_m),
-        "running": ("running", directions, {"long_name": "running direction, along rising x or against it"}),
+        "running": ("running", directions, {"long_name": "running direction"}),
     }
     if isinstance(force_map.spread, UncertaintyResult):
         variables |= _samples(force_map.spread)

@@ -39,6 +39,13 @@ if TYPE_CHECKING:
 
 _DECIMALS = 12  # of m, as files are read
 _ARRAYS = "arrays"
+_REMEDIES = (  # by what `profile_problem` says
+    ("heights", "give a height for each position"),
+    ("finite", "leave out samples without a number"),
+    ("increase", "sort the samples by x_m"),
+    ("are needed", "give the whole weld, at a spacing of 10 mm or finer"),
+    ("", "give x_m and z_m in metres, samples at most 10 mm apart"),
+)
 
 
 class Profile:
@@ -493,7 +500,8 @@ def _checked(weld_id: str, x_m: ArrayLike, z_m: ArrayLike, spacing_m: float) -> 
             f"{weld_id}: x_m of shape {x.shape} and z_m of shape {z.shape}", "give one position and one height a sample"
         )
     if problem := profile_problem(x.tolist(), z.tolist(), spacing_m=spacing_m):
-        raise ProfileError(f"{weld_id}: {problem}", "give metres, x_m increasing, a height for each place")
+        remedy = next(remedy for word, remedy in _REMEDIES if word in problem)
+        raise ProfileError(f"{weld_id}: {problem}", remedy)
     return x, z
 
 
