@@ -31,7 +31,7 @@ from tests.harness.reports import (
 )
 from weld_force_ros._words import english
 from weld_force_ros.assessment.criteria import CRITERIA, WORDS
-from weld_force_ros.assessment.judge import assess
+from weld_force_ros.assessment.judge import assess, judge
 from weld_force_ros.cli.main import main
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement.profile_file import find, read_profile
@@ -600,3 +600,15 @@ def test_every_word_is_used_and_none_is_missing(monkeypatch):
     written = set(re.findall(r"""\b(?:words?|t)\(\s*f?["']([a-z_]+\.[a-z_0-9]+)["']""", code))
     keys = {line.split()[0] for line in SNAPSHOT.read_text().splitlines()}
     assert sorted(key for key in written if key not in keys) == []
+
+
+def test_a_map_of_one_speed_or_one_position_is_drawn_without_broken_paths():
+    base = weld("weld-1-dip").force_map
+    cells = ("peak_force_n", "peak_x_m", "min_force_n", "contact_loss_s", "p2_force_n", "force_20hz_n")
+    one = {name: getattr(base, name)[:1] for name in (*cells, "speeds_kmh", "positions_m")}
+    lone = replace(base, **one, curve=UNSET, spread=UNSET)
+    html = section(WeldRecord(judge(lone, by_value()), lone), english())
+    paths = re.findall(r'<path[^>]* d="([^"]*)"', html)
+    assert len(paths) >= 6
+    assert all(re.fullmatch(r"([MLHVlhvmz](-?\d+[ ]?)*)+", path) and not path.endswith("l") for path in paths)
+    assert not re.search(r"\bnan\b", html, re.IGNORECASE)

@@ -224,6 +224,8 @@ def _axis(axis: Axis) -> str:
 
 def _steps(x: NDArray[np.int64], y: NDArray[np.int64]) -> str:
     """Return a path by relative steps: half the characters of one by places."""
+    if len(x) == 1:
+        return f"M{x[0]} {y[0]}h0"
     parts = [f"M{x[0]} {y[0]}l"]
     for dx, dy in zip(np.diff(x).tolist(), np.diff(y).tolist(), strict=True):
         parts.append(f"{dx}{'' if dy < 0 else ' '}{dy}")
