@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 
 from weld_force_ros._words import Words, english
-from weld_force_ros.messages import AssessmentSettings
+from weld_force_ros.messages import AssessmentSettings, SimulationSettings
 from weld_force_ros.recording.weld_records import Record, WeldRecord
 from weld_force_ros.report.page_header import header
 from weld_force_ros.report.table_row import COLUMNS, row, row_html, severity
@@ -42,6 +42,7 @@ class Report:
     rows: list[dict[str, Any]] = field(default_factory=list)
     sections: list[str] = field(default_factory=list)
     limits: dict[str, AssessmentSettings] = field(default_factory=dict)
+    settings: dict[str, SimulationSettings] = field(default_factory=dict)
     hashes: list[tuple[str, str]] = field(default_factory=list)
     shared: dict[str, set[str]] = field(default_factory=dict)
 
@@ -56,6 +57,8 @@ class Report:
         verdict = record.verdict
         if record.limits is not None:
             self.limits[verdict.limits_sha256] = record.limits
+        if record.settings is not None:
+            self.settings[verdict.config_sha256] = record.settings
         self.hashes.append((verdict.weld_id, verdict.profile_sha256))
         for name in ("software", "config_sha256", "limits_sha256"):
             self.shared.setdefault(name, set()).add(getattr(verdict, name))
@@ -136,7 +139,9 @@ def _content(report: Report, *, paper: bool) -> dict[str, Any]:
     return {
         "answered": any("geometry" in one for one in report.rows),
         "columns": COLUMNS,
-        "header": header(bases, report.limits.values(), report.words, paper=paper),
+        "header": header(
+            bases, report.limits.values(), report.words, settings=report.settings.values(), paper=paper
+        ),
         "rows": [row_html(one, report.words) for one in ordered],
         "sections": [{"n": one["n"], "html": sections[one["n"]]} for one in ordered],
         "annex": render("annex.html", report.words, shared=shared, welds=report.hashes) if report.hashes else "",

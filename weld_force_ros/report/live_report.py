@@ -102,8 +102,9 @@ class LiveReport:
     def header(self) -> bytes:
         """Return the front's header, of the welds that are kept, as HTML."""
         with self._lock:
-            bases, limits = [basis for basis in self._bases if basis], list(self._limits.values())
-        return header(bases, limits, english()).encode()
+            bases = [basis for basis in self._bases if basis]
+            limits, settings = list(self._limits.values()), list(self._settings.values())
+        return header(bases, limits, english(), settings=settings).encode()
 
     def detail(self, number: int) -> bytes | None:
         """Return the part of a weld as gzip of HTML; None if it is not kept."""
@@ -120,7 +121,8 @@ class LiveReport:
         """
         match message:
             case SimulationSettings():
-                _keep(self._settings, message.config_sha256, message, _MOST_SETTINGS)
+                with self._lock:
+                    _keep(self._settings, message.config_sha256, message, _MOST_SETTINGS)
                 self._write_judged_by(message.config_sha256)
             case AssessmentSettings():
                 with self._lock:

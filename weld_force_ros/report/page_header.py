@@ -6,7 +6,7 @@ from typing import Any
 from msgspec import UnsetType
 
 from weld_force_ros._words import Words
-from weld_force_ros.messages import AssessmentSettings, Limit, known
+from weld_force_ros.messages import AssessmentSettings, Limit, SimulationSettings, Uncertainty, known
 from weld_force_ros.report import weld_words
 from weld_force_ros.report.quantities import kilonewtons, kmh, number, percent, quantity, unit_of
 from weld_force_ros.report.templates import render
@@ -16,19 +16,31 @@ _MOST_SHOWN = 4
 Basis = Mapping[str, Any]
 
 
-def header(bases: Sequence[Basis], limits: Iterable[AssessmentSettings], words: Words, *, paper: bool = False) -> str:
+def header(
+    bases: Sequence[Basis],
+    limits: Iterable[AssessmentSettings],
+    words: Words,
+    *,
+    settings: Iterable[SimulationSettings] = (),
+    paper: bool = False,
+) -> str:
     """Return the front's header as HTML.
 
     Args:
         bases: of `table_row.basis`, of each weld.
         limits: that the welds were judged by, those of all of them.
         words: of the page.
+        settings: that the welds were simulated with.
         paper: the limits' table is left out.
     """
     stated = list({one.limits_sha256: one for one in limits}.values())
+    unknowns = {one.uncertainty.source for one in settings if isinstance(one.uncertainty, Uncertainty)}
+    notes = [*((words("header.rules"), text) for text in map(_rules, stated) if text),
+             *((words("header.uncertainty"), text) for text in sorted(unknowns))]  # fmt: skip
     return render(
         "header.html", words, facts=list(_facts(bases, stated, words)) if bases else [],
-        unverified=_unverified(stated, words), limits=list(_limits(stated, words)), paper=paper,
+        unverified=_unverified(stated, words), limits=list(_limits(stated, words)), notes=notes,
+        paper=paper,
     )  # fmt: skip
 
 
@@ -91,6 +103,18 @@ def _unverified(stated: Sequence[AssessmentSettings], words: Words) -> str:
     judged = all(one.source_kind == "judgement" for one in unverified)
     key = "header.judgement" if judged else "header.unverified"
     return words(key, n=len(unverified), all=len(limits), criteria=names)
+
+
+def _rules(limits: AssessmentSettings) -> str | None:
+    rules = known(limits.rules)
+    if rules is None:
+        return None
+    unknown = "undecided if it matters" if rules.unknown_position == "undecided" else "the worst one decides"
+    risk = "" if isinstance(rules.accepted_risk, UnsetType) else f"accepted risk {rules.accepted_risk:.0%}; "
+    return (
+        f"{risk}unknown position: {unknown}; waves shown up to {rules.resolved_hz:g} Hz"
+        f"{'' if rules.verified else ' (not verified)'}: {rules.source}"
+    )
 
 
 def _limits(stated: Sequence[AssessmentSettings], words: Words) -> Iterator[dict[str, Any]]:

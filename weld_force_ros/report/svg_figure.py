@@ -98,8 +98,8 @@ class Panel:
 
     def dots(self, x: ArrayLike, y: ArrayLike, css: str) -> None:
         """Draw a dot at each point."""
-        marks = "".join(f"M{a} {b}h1" for a, b in zip(self.x.at(x), self.y.at(y), strict=True))
-        self.parts.append(f'<path class="{css}" d="{marks}"/>')
+        places = zip(self.x.at(x).tolist(), self.y.at(y).tolist(), strict=True)
+        self.parts.append(f'<path class="{css}" d="{"".join(f"M{a} {b}h1" for a, b in places)}"/>')
 
     def span(self, low: float, high: float, css: str) -> None:
         """Shade the field from one value of x to another."""

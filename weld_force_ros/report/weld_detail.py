@@ -5,7 +5,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET
 from numpy.typing import NDArray
 
 from weld_force_ros.assessment.criteria import FORCE_CRITERIA, gradient_norm_rad
@@ -43,7 +43,8 @@ from weld_force_ros.simulation.force_map_view import (
 )
 from weld_force_ros.simulation.measured_geometry import standard_deviation
 
-MOST_POINTS = 200
+MOST_POINTS = 160
+_MOST_SAMPLES = 120
 _INDICES_TOGETHER = 14  # of every 0.5 mm
 _SEEN_M = 1e-6  # of height, below which a bridged dip is none
 _NINETY_PERCENT = 1.645  # standard deviations on either side
@@ -225,7 +226,7 @@ def _measured(profile: WeldProfile) -> dict[str, Any]:
     if noise is None:
         return {}
     wrong = np.isin(x, noise.outliers_m)
-    kept = np.flatnonzero(~wrong)[:: max(1, len(x) // MOST_POINTS)]
+    kept = np.flatnonzero(~wrong)[:: max(1, len(x) // _MOST_SAMPLES)]
     return {
         "noise_m": noise.noise_m,
         "measured_x_m": decimals(x[kept], 5),
@@ -283,9 +284,7 @@ def _provenance(weld: WeldRecord) -> list[list[str]]:
         "vehicle": _vehicle(verdict, force_map),
         "wheel": settings and _wheel(settings),
         "limits": weld.limits and _limits(weld.limits),
-        "rules": weld.limits and _rules(weld.limits),
         "Monte-Carlo samples": verdict.samples,
-        "uncertainty": settings and settings.uncertainty is not UNSET and settings.uncertainty.source,
         "profile, sha256": verdict.profile_sha256,
         "measurement": known(verdict.profile_id),
         "file, sha256": profile and known(profile.source_sha256),
@@ -320,18 +319,6 @@ def _limits(limits: AssessmentSettings) -> str:
         return ", ".join(f"{book.name} ({verified_of(own)} numbers verified)" for book, own in books)
     unverified = sum(not limit.verified for limit in limits.limits)
     return f"{len(limits.limits)}, of which {unverified} unverified"
-
-
-def _rules(limits: AssessmentSettings) -> str | None:
-    rules = known(limits.rules)
-    if rules is None:
-        return None
-    unknown = "undecided if it matters" if rules.unknown_position == "undecided" else "the worst one decides"
-    risk = "" if isinstance(rules.accepted_risk, UnsetType) else f"accepted risk {rules.accepted_risk:.0%}; "
-    return (
-        f"{risk}unknown position: {unknown}; waves shown up to {rules.resolved_hz:g} Hz"
-        f"{'' if rules.verified else ' (not verified)'}: {rules.source}"
-    )
 
 
 def _stated(rows: dict[str, object]) -> list[list[str]]:

@@ -9,6 +9,7 @@ from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
 
 from weld_force_ros._words import Words
+from weld_force_ros.assessment.grinding_spots import ends_in_words
 from weld_force_ros.assessment.limits import worst
 from weld_force_ros.messages import Running, Verdict, known
 from weld_force_ros.recording.weld_records import WeldRecord
@@ -48,7 +49,10 @@ def geometry_figure(content: Content, record: WeldRecord, words: Words) -> str:
     _mark_spots(panel, grinding)
     panel.frame(words("figure.along_mm"), words("figure.height_um"))
     _draw_rail(panel, profile, grinding, words)
-    ends = grinding["ends"] if grinding else (words("figure.falling_x"), words("figure.rising_x"))
+    chainage = record.profile.chainage_direction if record.profile else UNSET
+    ends = (words("figure.falling_x"), words("figure.rising_x"))
+    if grinding or not isinstance(chainage, UnsetType):
+        ends = grinding["ends"] if grinding else ends_in_words(chainage)
     panel.ends(*ends)
     panels = [panel]
     if has_index:
@@ -71,10 +75,12 @@ def _draw_rail(panel: Panel, profile: Content, grinding: Content | None, words: 
         return np.asarray(1e6 * np.array(profile[name]))
 
     if "low_m" in profile:
-        panel.band(x_mm, heights("low_m"), heights("high_m"), "likely")
+        panel.band(x_mm[::2], heights("low_m")[::2], heights("high_m")[::2], "likely")
     if "measured_x_m" in profile:
-        inside = np.abs(heights("measured_z_m")) < 1e5
-        panel.dots(1e3 * np.array(profile["measured_x_m"])[inside], heights("measured_z_m")[inside], "samples")
+        panel.dots(1e3 * np.array(profile["measured_x_m"]), heights("measured_z_m"), "samples")
+        wrong_um = np.clip(heights("wrong_z_m"), panel.y.low, panel.y.high)  # they may lie far off
+        for at_mm, height_um in zip(1e3 * np.array(profile["wrong_x_m"]), wrong_um, strict=True):
+            panel.cross(float(at_mm), float(height_um), "set-aside")
     if "underside_m" in profile:
         panel.band(x_mm, heights("z_m"), heights("underside_m"), "bridged")
     if "wheel_m" in profile:

@@ -121,7 +121,12 @@ def _questions(record: WeldRecord, words: Words) -> Iterator[View]:
             continue
         shown: View = {"title": words(f"answer.{question}"), "decision": answer.decision}
         if answer.decision == NOT_ASSESSED:
-            yield {**shown, "to_choose": words("answer.to_choose", how=words(f"not_assessed.{question}"))}
+            missing = weld_words.not_computed(question, verdict, words)
+            chosen = words(
+                "answer.not_computed", criteria=missing, how=words(f"not_computed.{question}", criteria=missing)
+            )
+            to_choose = words("answer.to_choose", how=words(f"not_assessed.{question}"))
+            yield {**shown, "to_choose": chosen if missing else to_choose}
             continue
         yield {**shown, "to_choose": None, **_answer(answer, record, words)}
 
@@ -239,7 +244,9 @@ def _figures(found: View, record: WeldRecord, words: Words) -> tuple[list[View],
         ground = bool(grinding and grinding["most_removed_m"] > 0)
         drawn = legend(
             "rail", "wheel" if "wheel_m" in profile else "", "likely" if "low_m" in profile else "",
-            "bridged" if "underside_m" in profile else "", "after" if ground else "", "spot" if ground else "",
+            "samples" if "measured_x_m" in profile else "",
+            "set-aside" if profile.get("wrong_x_m") else "", "bridged" if "underside_m" in profile else "",
+            "after" if ground else "", "spot" if ground else "",
         )  # fmt: skip
         add(first, "geometry", weld_figures.geometry_figure(found, record, words), drawn)
     if "curves" in found:

@@ -179,10 +179,17 @@ def measure_next(verdict: Verdict, words: Words) -> str:
         return ""
     for name, answer in (("geometry", verdict.geometry), ("force", verdict.force)):
         if isinstance(answer, Answer) and answer.decision == NOT_ASSESSED:
-            return words(f"not_assessed.{name}")
+            missing = not_computed(name, verdict, words)
+            return words(f"not_computed.{name}", criteria=missing) if missing else words(f"not_assessed.{name}")
     if isinstance(verdict.geometry, UnsetType):
         return what_to_measure(verdict.reason)
     return sentence_in_words(verdict.reason, verdict.criteria)
+
+
+def not_computed(question: str, verdict: Verdict, words: Words) -> str:
+    """Return the criteria of a question whose limits were chosen but could not be applied; empty if there are none."""
+    names = [name for name in verdict.unjudged if (name in GEOMETRY_CRITERIA) == (question == "geometry")]
+    return ", ".join(dict.fromkeys(criterion_name(name, words) for name in names))
 
 
 def what_to_measure(reason: str) -> str:
