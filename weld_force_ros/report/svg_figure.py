@@ -98,8 +98,10 @@ class Panel:
 
     def dots(self, x: ArrayLike, y: ArrayLike, css: str) -> None:
         """Draw a dot at each point."""
-        places = zip(self.x.at(x).tolist(), self.y.at(y).tolist(), strict=True)
-        self.parts.append(f'<path class="{css}" d="{"".join(f"M{a} {b}h1" for a, b in places)}"/>')
+        along, up = self.x.at(x), self.y.at(y)
+        steps = zip(np.diff(along, prepend=0) - 1, np.diff(up, prepend=0), strict=True)
+        marks = "".join(f"m{a}{'' if b < 0 else ' '}{b}h1" for a, b in steps)
+        self.parts.append(f'<path class="{css}" d="m1 0{marks}"/>')
 
     def span(self, low: float, high: float, css: str) -> None:
         """Shade the field from one value of x to another."""

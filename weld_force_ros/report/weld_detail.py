@@ -265,13 +265,7 @@ def _grinding(advice: GrindingAdvice) -> dict[str, Any]:
 def _provenance(weld: WeldRecord) -> list[list[str]]:
     verdict, force_map, profile, settings = weld.verdict, weld.force_map, weld.profile, weld.settings
     rows: dict[str, object] = {
-        "weld": verdict.weld_id,
-        "rail": known(verdict.rail),
-        "chainage": verdict.chainage_m is not UNSET and f"{verdict.chainage_m:g} m",
         "source": profile and profile.source,
-        "measured on": profile and known(profile.measured_on),
-        "operator": profile and known(profile.operator),
-        "instrument": profile and known(profile.instrument),
         "file format": profile and known(profile.format),
         "conditioning": profile and "; ".join(profile.conditioning),
         "software": verdict.software,

@@ -13,6 +13,7 @@ from weld_force_ros.assessment.grinding_spots import ends_in_words
 from weld_force_ros.assessment.limits import worst
 from weld_force_ros.messages import Running, Verdict, known
 from weld_force_ros.recording.weld_records import WeldRecord
+from weld_force_ros.report.numbers import thinned
 from weld_force_ros.report.quantities import UNITS, centimetres, hundredths, kilonewtons, kmh, number, unit_of
 from weld_force_ros.report.svg_figure import SCALE, WIDTH, Axis, Panel, arrow, axis_of, figure, shades_of
 from weld_force_ros.report.weld_words import criterion_name
@@ -21,6 +22,7 @@ _LEFT, _RIGHT = 46.0, WIDTH - 10.0
 _TOP = 32.0
 _BELOW = 34.0  # for the axis
 _LIMITS = ("limit", "reject_limit")
+_MOST_SPEEDS = 100
 
 Content = dict[str, Any]
 
@@ -123,7 +125,7 @@ def speed_figure(content: Content, record: WeldRecord, words: Words, name: str =
     if name == "peak_force":
         _draw_best(panel, curves, values, factor)
     _draw_limits(panel, limits, factor)
-    drawn = slice(None) if len(speeds) <= 160 else slice(None, None, 2)
+    drawn = thinned(values, _MOST_SPEEDS)
     panel.line(speeds[drawn], values[drawn], "force", words("figure.worst_position"), unit)
     grinding = content.get("grinding")
     if name == "peak_force" and grinding and grinding["most_removed_m"] > 0:
@@ -264,9 +266,15 @@ def _outline(panel: Panel, inside: NDArray[np.bool_], rows: NDArray[np.float64],
     """Return the outline of the cells of local minima."""
     x, y = panel.x.at(columns), panel.y.at(rows)
     padded = np.pad(inside, 1)
-    marks = [f"M{x[c]} {y[r]}V{y[r + 1]}" for r, c in np.argwhere(padded[1:-1, 1:] != padded[1:-1, :-1])]
-    marks += [f"M{x[c]} {y[r]}H{x[c + 1]}" for r, c in np.argwhere(padded[1:, 1:-1] != padded[:-1, 1:-1])]
+    upright, level = padded[1:-1, 1:] != padded[1:-1, :-1], padded[1:, 1:-1] != padded[:-1, 1:-1]
+    marks = [f"M{x[c]} {y[first]}V{y[last]}" for c in range(len(x)) for first, last in _runs(upright[:, c])]
+    marks += [f"M{x[first]} {y[r]}H{x[last]}" for r in range(len(y)) for first, last in _runs(level[r])]
     return f'<path class="hollow" d="{"".join(marks)}"/>'
+
+
+def _runs(marked: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return where each run of marked edges begins and ends, (n, 2)."""
+    return np.flatnonzero(np.diff(np.pad(marked, 1).astype(np.int8))).reshape(-1, 2)
 
 
 def second_criterion(content: Content, verdict: Verdict) -> str | None:

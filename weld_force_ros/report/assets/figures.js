@@ -110,10 +110,14 @@ function markReading(svg, {at, high}) {
 
 /** @param {Element} holder with figures */
 function makeReadable(holder) {
-  for (const plot of holder.querySelectorAll(".plot")) {
-    const svg = /** @type {SVGElement | null} */ (plot.querySelector("svg"));
-    const readout = plot.nextElementSibling;
-    if (!svg || !readout) continue;
+  for (const figure of holder.querySelectorAll("figure")) {
+    const svg = /** @type {SVGElement | null} */ (figure.querySelector("svg"));
+    if (!svg) continue;
+    const label = word("script.read", {heading: figure.querySelector("h3")?.textContent ?? ""});
+    const plot = element("div", {class: "plot", tabindex: "0", role: "group", "aria-label": label});
+    const readout = element("output", {class: "readout screen-only", "aria-live": "polite"}, word("script.point"));
+    svg.replaceWith(plot, readout);
+    plot.append(svg);
     let [right, up] = [0.5, 0.5];
     const read = () => {
       const found = svg.dataset.values ? readMap(svg, right, up) : readLines(svg, right);
