@@ -18,7 +18,7 @@ from weld_force_ros.report.quantities import UNITS, centimetres, hundredths, kil
 from weld_force_ros.report.svg_figure import SCALE, WIDTH, Axis, Panel, arrow, axis_of, figure, shades_of
 from weld_force_ros.report.weld_words import criterion_name
 
-_LEFT, _RIGHT = 46.0, WIDTH - 10.0
+_LEFT, _RIGHT = 46.0, WIDTH - 16.0
 _TOP = 32.0
 _BELOW = 34.0  # for the axis
 _LIMITS = ("limit", "reject_limit")
