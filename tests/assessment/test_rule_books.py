@@ -134,6 +134,14 @@ def test_any_text_that_is_no_rule_book_is_one_clear_line(tmp_path_factory, text:
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("source", ["", "[a, b]", "2026-11-29", "12"])
+def test_a_source_that_is_no_text_and_no_parts_is_one_clear_line(tmp_path, source: str):
+    file = tmp_path / "book.yaml"
+    file.write_text(f"limits: [{{name: peak_force, unit: N, limit: 2.0e5, source: {source}}}]")
+    with pytest.raises(InputError, match=r"limit peak_force: source is neither text nor its parts"):
+        load_limits(file)
+
+
 def test_an_unknown_name_lists_those_that_there_are():
     with pytest.raises(InputError, match=r"'banenor-53' is no rule book; use force, .*banenor-531"):
         load_limits("force,banenor-53")

@@ -203,7 +203,10 @@ def limits_of(file: RuleBookFile) -> Iterator[Limit]:
             checked = msgspec.convert(stated["verified_by"], Verification)
             stated |= {"verified": True, "verified_by": f"{checked.by}, {checked.date}: {checked.document}"}
         if not isinstance(stated.get("source"), str):
-            source = _source(where, file.source, stated.pop("source", {}))
+            own = stated.pop("source", {})
+            if not isinstance(own, dict):
+                raise ValueError(f"{where}: source is neither text nor its parts: text, kind, place, ...")
+            source = _source(where, file.source, own)
             stated |= {"source": source_in_words(source), "source_kind": source.kind}
             stated["verified"] = stated.get("verified", False) or is_found(source)
         if file.name:
