@@ -238,6 +238,7 @@ def worst_by_hand(advice: GrindingAdvice, margin_m: float, norm_rad: float) -> f
     return max(float(quality_indices(advice, shape, norm_rad).max()) for shape in shapes)
 
 
+@pytest.mark.long
 def test_the_margin_of_a_hand_grinder_is_kept_and_costs_metal():
     """0.6 mm over 500 mm: a quality index of 1.6 at 140 km/h, whose norm is 3.2 - 2.2 * 100 / 260 = 2.354 mrad."""
     norm_rad, margin_m = (3.2 - 2.2 * 100 / 260) * 1e-3, 0.05e-3

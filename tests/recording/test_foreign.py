@@ -47,6 +47,10 @@ def test_every_form_gives_every_message(bags, form):
     assert content(bags[form]) == content(DEMO)
 
 
+LIKE_IT = ("mcap file zstd", "sqlite3 file zstd", "schemas IDL")
+"""Forms that the commands read by the same code, once their messages are read, which every form's are."""
+
+
 @pytest.mark.slow
 def test_every_form_replays_equal(bags):
     """What is computed again depends on what was read alone, and that is the same: one form is computed."""
@@ -57,7 +61,10 @@ def test_every_form_replays_equal(bags):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("form", ["mcap message zstd", "mcap file zstd", "sqlite3 file zstd", "schemas IDL"])
+@pytest.mark.parametrize(
+    "form",
+    ["mcap message zstd", *(pytest.param(form, marks=pytest.mark.long) for form in LIKE_IT)],
+)
 def test_commands_read_it(bags, form, tmp_path, capfd):
     bag = bags[form]
     code, _, said = run(capfd, "replay", "verify", bag)

@@ -78,6 +78,7 @@ def test_against_is_over_the_mirrored_profile_at_the_rest_of_the_span():
     assert (one_way.against, alone.against) == (UNSET, UNSET)
 
 
+@pytest.mark.long
 def test_the_reference_engine_runs_in_the_same_directions():
     profile, few = shipped_profile("weld-4-steep-ramp"), {"speeds_kmh": [120.0, 250.0], "positions": [0.1, 0.3]}
     fast, exact = (

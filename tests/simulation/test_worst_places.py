@@ -25,6 +25,7 @@ def welds() -> list[WeldProfile]:
     return [*map(shipped_profile, shipped()), *synthetic]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_curve_is_that_of_every_speed_and_position():
     simulator = Simulator(simulation_settings(track="bilbao-viscous", running="with"))

@@ -23,6 +23,7 @@ def studied(tmp_path_factory):
     return out
 
 
+@pytest.mark.long
 def test_page_pictures_and_tables_are_there(studied):
     folder = studied / "rail"
     for name in ("dispersion", "receptances", "differences", "forces", "waves"):
@@ -33,6 +34,7 @@ def test_page_pictures_and_tables_are_there(studied):
     assert "http" not in page.split("<body")[1].replace("http://www.w3.org", "")
 
 
+@pytest.mark.long
 def test_what_is_measured_is_what_a_beam_leads_to_expect_at_low_frequency(studied):
     measured = json.loads((studied / "measured.json").read_text())
     assert np.abs(np.array(measured["rail.static_ratio"]) - 1).max() < 0.02
@@ -40,6 +42,7 @@ def test_what_is_measured_is_what_a_beam_leads_to_expect_at_low_frequency(studie
     assert measured["rail.bending_wavenumber_ratio_300hz"] == pytest.approx(1, abs=0.01)
 
 
+@pytest.mark.long
 def test_rows_say_where_the_rails_differ(studied):
     with (studied / "rail" / "differences.csv").open() as file:
         rows = list(csv.DictReader(file))

@@ -178,6 +178,7 @@ def study(few_passages: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.long
 def test_study_compares_every_engine_on_every_passage(study):
     rows = rows_of(study / "passages.csv")
     assert len(rows) == len(FITTED) * PASSAGES
@@ -191,6 +192,7 @@ def test_study_compares_every_engine_on_every_passage(study):
     assert {row["engine"] for row in rows} == set(FITTED)
 
 
+@pytest.mark.long
 def test_study_sums_up_with_targets_beside_what_was_measured(study):
     rows = rows_of(study / "passages.csv")
     summary = json.loads((study / "engines.json").read_text())
@@ -212,6 +214,7 @@ def test_study_sums_up_with_targets_beside_what_was_measured(study):
     }
 
 
+@pytest.mark.long
 def test_study_says_what_the_order_does(study):
     rows = rows_of(study / "orders.csv")
     fit = {(r["track"], r["order"]): r["fit_error_percent"] for r in rows}
@@ -221,12 +224,14 @@ def test_study_says_what_the_order_does(study):
     assert (rows[-1]["order"], rows[-1]["fit_error_percent"]) == ("reference", "")
 
 
+@pytest.mark.long
 def test_study_draws_its_figures(study):
     for name in ("error-by-speed", "flats", "error-by-order", "hysteretic-receptance"):
         assert (study / f"{name}.png").read_bytes().startswith(b"\x89PNG")
         assert ET.parse(study / f"{name}.svg").getroot().tag.endswith("svg")  # noqa: S314
 
 
+@pytest.mark.long
 def test_a_second_study_computes_no_reference(study, monkeypatch, capfd):
     before = {path.name: path.read_bytes() for path in study.glob("*.csv")}
 

@@ -48,6 +48,7 @@ def converged(model) -> np.ndarray:
     return peaks(model)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("constant", "factor"), [("STEP_M", 0.5), ("NODE_M", 0.5), ("BAND_HZ", 1.5), ("MEMORY_S", 1.5)]
 )
@@ -56,11 +57,13 @@ def test_refining_changes_no_peak_by_more_than_three_tenths_of_a_per_cent(monkey
     np.testing.assert_allclose(peaks(model_of("johansson-nielsen")), converged, rtol=3e-3)
 
 
+@pytest.mark.long
 def test_a_longer_lead_in_changes_no_peak_by_more_than_three_tenths_of_a_per_cent(monkeypatch, converged):
     monkeypatch.setattr(greens_function, "LEAD_IN_S", 1.5 * greens_function.LEAD_IN_S)
     np.testing.assert_allclose(peaks(model_of("johansson-nielsen")), converged, rtol=3e-3)
 
 
+@pytest.mark.long
 def test_the_force_on_smooth_rail_repeats_from_span_to_span_on_little_damping():
     """A wheel that is let go bounces at some 35 Hz there, for longer than the lead-in of other tracks."""
     definition = random_tracks()[3]

@@ -24,6 +24,7 @@ def test_common_poles_agree_with_finite_elements(track, name, rms, largest):
     assert np.abs(errors).max() < largest
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["0 and 1 over 0.3 mm"])  # all: `python -m benchmarks.supports --reference`
 def test_reference_agrees_with_finite_elements(name):

@@ -216,6 +216,7 @@ OTHERS = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(("shape", "speed_kmh", "position", "peaks_kn"), OTHERS)
 def test_peaks_without_local_give_are_those_of_another_program(

@@ -197,7 +197,7 @@ def test_a_port_without_dashboard_or_out_of_range_is_refused(
     assert len(capfd.readouterr().err.splitlines()) == 1
 
 
-@pytest.mark.parametrize("how", [(), ("--processes",)])
+@pytest.mark.parametrize("how", [pytest.param((), marks=pytest.mark.long), ("--processes",)])
 def test_up_serves_a_page_until_it_is_stopped(domain_id: int, folder: Path, how: tuple[str, ...]) -> None:
     (folder / "weld.csv").write_text(profile_text(200))
     with socket.socket() as free:
