@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[2]
 BLOCKED = """
 import sys
 OPTIONAL = {
-    "rclpy", "std_msgs", "matplotlib", "plotly", "dask", "distributed", "zarr", "xarray", "pandas", "duckdb", "pymoo",
+    "rclpy", "std_msgs", "matplotlib", "jinja2", "dask", "distributed", "zarr", "xarray", "pandas", "duckdb", "pymoo",
     "pyarrow", "watchfiles",
 }
 class Blocker:

@@ -15,8 +15,11 @@ from weld_force_ros.cli.options import (
     MeasurementOptions,
     SimulationOptions,
     UncertaintyOptions,
+    in_existing_folder,
+    prints_results,
     with_option_groups,
 )
+from weld_force_ros.cli.site import with_site
 from weld_force_ros.errors import InputError, WeldForceError
 
 if TYPE_CHECKING:
@@ -30,6 +33,8 @@ FailOn = Annotated[
 _FAILING = {None: ("undecided", "grind", "reject"), "grind": ("grind", "reject"), "reject": ("reject",)}
 
 
+@prints_results
+@with_site
 @with_option_groups()
 def assess(
     profiles: Annotated[list[str], typer.Argument(help="Files or folders of files, or names of bundled profiles.")],
@@ -37,7 +42,9 @@ def assess(
     uncertainty: UncertaintyOptions,
     measurement: MeasurementOptions,
     limits: Limits = None,
-    report: Annotated[Path | None, typer.Option(help="Also write the report page (HTML).")] = None,
+    report: Annotated[
+        Path | None, typer.Option(callback=in_existing_folder, help="Also write the report page (HTML).")
+    ] = None,
     fail_on: FailOn = None,
     json: Json = None,
 ) -> None:
@@ -45,7 +52,7 @@ def assess(
 
     Of several vehicles, --vehicle passenger --vehicle freight-22.5t, the one that decides is named.
     """
-    from weld_force_ros.cli import terminal
+    from weld_force_ros.cli import terminal, verdict_tables
     from weld_force_ros.messages import Rejection
     from weld_force_ros.recording.weld_records import RejectedRecord, WeldRecord
 
@@ -60,7 +67,7 @@ def assess(
                 records.append(record)
     verdicts = [record.verdict for record in records if isinstance(record, WeldRecord)]
     rejections: list[Rejection] = [record.rejection for record in records if isinstance(record, RejectedRecord)]
-    terminal.show_verdicts(verdicts, rejections)
+    verdict_tables.show_verdicts(verdicts, rejections)
     if report is not None:
         from weld_force_ros.report.html_page import page_of_records
 
@@ -85,7 +92,7 @@ def _judge(
 
     chosen = dataclasses.replace(uncertainty, uncertainty_samples=uncertainty.samples_or_default)
     unknown, applied, form = chosen.uncertainty_of_settings(), load_limits(limits), measurement.form()
-    assessor = Assessor(simulation.settings_of_vehicles(unknown), applied, on_fit=terminal.say)
+    assessor = Assessor(simulation.settings_of_vehicles(unknown), applied, on_fit=terminal.note)
 
     def outcomes(file: str) -> Iterator["Record"]:
         try:

@@ -10,7 +10,7 @@ from weld_force_ros.assessment.grinding_spots import ends_in_words
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import ForceHistory, ForceMap, GrindingAdvice, WeldProfile, known
 from weld_force_ros.physics.analysis.geometry import inclinations
-from weld_force_ros.simulation.force_map_view import worse_passages
+from weld_force_ros.simulation.force_map_view import relevant_range, worse_passages
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,7 +80,6 @@ def save(figure: "Figure", path: Path) -> None:
         InputError: the file cannot be written or the ending is unknown.
     """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=150)
     except (OSError, ValueError) as error:
         raise InputError(f"picture {path}: {error}", "name a .png, .svg or .pdf file in a writable folder") from None
@@ -211,10 +210,15 @@ def _draw_map(axes: "Axes", force_map: ForceMap, lowest_kn: float, highest_kn: f
     for sleeper in (0.0, force_map.span_m):
         if edges[0] <= sleeper <= edges[-1]:
             axes.axvline(sleeper * 100, color="white", linestyle="--", linewidth=1.2)
-    row, column = np.unravel_index(np.argmax(peaks), peaks.shape)
-    axes.plot(positions[column] * 100, speeds[row], marker="o", markersize=9, color=RED, markeredgecolor="white")
+    if isinstance(force_map.line_speed_kmh, float):
+        axes.axhline(force_map.line_speed_kmh, color="white", linewidth=1.2)
+    relevant = relevant_range(force_map)
+    row, column = relevant.peak_index
+    worst = (relevant.positions_m[column] * 100, relevant.speeds_kmh[row])
+    peak_kn = relevant.passages.peak_force_n[row, column] / 1e3
+    axes.plot(*worst, marker="o", markersize=9, color=RED, markeredgecolor="white")
     axes.annotate(
-        f"{peaks.max():.0f} kN", (positions[column] * 100, speeds[row]), xytext=(0, -16), textcoords="offset points",
+        f"{peak_kn:.0f} kN", worst, xytext=(0, -16), textcoords="offset points",
         color="black", ha="center", va="center", fontsize=9,
         bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "alpha": 0.85, "linewidth": 0},
         annotation_clip=False,
@@ -234,10 +238,13 @@ def _draw_curve(axes: "Axes", force_map: ForceMap) -> None:
     peaks = worse_passages(force_map).peak_force_n / 1e3
     speeds = force_map.speeds_kmh
     axes.fill_between(speeds, peaks.min(axis=1), peaks.max(axis=1), color=ORANGE, alpha=0.35, label="all positions")
-    column = int(np.argmax(peaks.max(axis=0)))
+    relevant = relevant_range(force_map)
+    column = force_map.positions_m.index(relevant.positions_m[relevant.peak_index[1]])
     label = f"weld {force_map.positions_m[column] * 100:.0f} cm after the sleeper (worst)"
     axes.plot(speeds, peaks[:, column], color=RED, label=label)
     axes.axhline(force_map.static_load_n / 1e3, color=GREY, linestyle=":", label="static load")
+    if isinstance(force_map.line_speed_kmh, float):
+        axes.axvline(force_map.line_speed_kmh, color=GREY, linewidth=0.8, label="line speed")
     axes.set(xlabel="speed, km/h", ylabel="peak force, kN")
     axes.legend(fontsize=8)
 
