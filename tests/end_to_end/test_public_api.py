@@ -6,9 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 import weld_force_ros as wf
+from benchmarks.library import program
 
 ROOT = Path(__file__).parents[2]
 
@@ -46,26 +45,11 @@ def test_an_unknown_name_is_an_attribute_error():
     assert not hasattr(wf, "simulate_everything")
 
 
-def readme_program() -> str:
-    """The Python of the README, without what it begins with: the reader's arrays."""
-    found = re.search(r"### From Python\n.*?```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
-    assert found is not None
-    return found[1]
-
-
 def test_a_force_map_of_own_arrays_takes_five_lines():
-    _, _, program = readme_program().partition("# your arrays\n")
-    assert len(program.split("\n")) - program.count("\n\n") - 1 == 5
-    done = subprocess.run([sys.executable, "-c", readme_program()], capture_output=True, text=True, check=False)
+    _, _, own = program().partition("# your arrays\n")
+    assert len(own.split("\n")) - own.count("\n\n") - 1 == 5
+    done = subprocess.run([sys.executable, "-c", program()], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     shown = re.search(r"```\n(\[.*\])\n```", (ROOT / "README.md").read_text())
     assert shown is not None
     assert done.stdout.strip() == shown[1], "the README shows what comes out"
-
-
-@pytest.mark.long
-def test_a_force_map_of_own_arrays_takes_under_three_seconds_in_a_new_process():
-    """Of processor time; the first may have to compile, and others may slow down the machine."""
-    timed = f"{readme_program()}\nimport time; print(time.process_time())"
-    runs = [subprocess.run([sys.executable, "-c", timed], capture_output=True, text=True, check=True) for _ in range(4)]
-    assert min(float(done.stdout.splitlines()[-1]) for done in runs) < 3.0
