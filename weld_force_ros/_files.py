@@ -88,11 +88,13 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
 
 def sync_folder(folder: Path) -> None:
-    """Force the names of the files in a folder to the disk.
+    """Force the names of the files in a folder to the disk; not on Windows, which opens no folders.
 
     Raises:
         OSError: the folder cannot be opened or forced to the disk.
     """
+    if not hasattr(os, "O_DIRECTORY"):
+        return
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)

@@ -47,13 +47,14 @@ def test_simulate_writes_one_force_map_a_profile_and_nothing_else_to_stdout(capf
 def test_simulate_takes_a_file_of_the_users_own_and_writes_json_and_picture(capfd, tmp_path):
     profile = tmp_path / "mine.txt"
     profile.write_text("\n".join("0" for _ in range(30)) + "\n")
-    target, picture = tmp_path / "out" / "map.jsonl", tmp_path / "out" / "map.png"
+    target, picture = tmp_path / "map.jsonl", tmp_path / "map.png"
     stated = ["--x-unit", "mm", "--z-unit", "um", "--z-positive", "up", "--spacing", "5", "--noise", "none"]
     code, lines, _ = run(
         capfd, "simulate", str(profile), *stated, *QUICK, "--json", str(target), "--plot", str(picture)
     )
     force_map = decode(ForceMap, target.read_text())
-    assert (code, lines) == (0, [])
+    assert code == 0
+    assert any(line.startswith("mine ") for line in lines)
     assert picture.read_bytes().startswith(b"\x89PNG")
     # A smooth rail: the peak stays near the static load.
     assert max(force_map.peak_force_n) < 1.1 * force_map.static_load_n
@@ -67,7 +68,7 @@ def test_a_whole_number_of_positions_divides_the_span_and_a_point_makes_metres(c
 
 
 def test_the_wheel_given_on_the_command_line_is_the_one_that_rolls(capfd):
-    wheel = ["--wheel-mass", "700", "--static-load", "80000", "--wheel-radius", "0.5", "--hertz", "9e10"]
+    wheel = ["--wheel-mass", "0.7t", "--static-load", "80 kN", "--wheel-radius", "500mm", "--hertz", "9e10"]
     _, lines, _ = run(capfd, "simulate", "cosine-dip-48mm", *QUICK, *wheel, "--json", "-")
     force_map = decode(ForceMap, lines[0])
     assert force_map.static_load_n == 80000.0
@@ -91,7 +92,12 @@ def test_the_wheel_given_on_the_command_line_is_the_one_that_rolls(capfd):
         (["simulate", "weld-1-dip", "--track", "nowhere.yaml"], "johansson-nielsen"),
         (["simulate", "weld-1-dip", "--engine", "magic"], "common-poles"),
         (["simulate", "weld-1-dip", "--wheel-mass", "-5"], "positive"),
-        (["simulate", "weld-1-dip", *QUICK, "--json", "/proc/none/map.json"], "writable"),
+        (
+            ["simulate", "weld-1-dip", *QUICK, "--json", "/proc/none/map.json"],
+            "there is no folder /proc/none; make it first",
+        ),
+        (["simulate", "weld-1-dip", "--static-load", "9 tons"], "--static-load '9 tons' cannot be read; write 100kN"),
+        (["grind", "weld-1-dip", "--hand-margin", "0.03"], "--hand-margin 30 mm"),
         (["simulate", "weld-1-dip", *QUICK, "--plot", "map.tiffany"], ".png"),
         (["receptance", "--at", "x"], "--at"),
         (["receptance", "--freq", "0"], "above 0"),
@@ -189,7 +195,7 @@ def test_old_spellings_are_not_in_the_help(capfd):
 def test_option_groups_show_each_option_once_and_arrive_as_objects(capfd):
     for command in ("simulate", "grind", "up"):
         help_text = " ".join(run(capfd, command, "--help")[1])
-        assert all(help_text.count(f"{option} <") == 1 for option in ("--track", "--speeds", "--wheel-mass"))
+        assert all(help_text.count(f" {option} ") == 1 for option in ("--track", "--engine", "--wheel-mass"))
 
 
 def test_benchmarks_are_said_to_need_a_clone_where_there_is_none(capfd, tmp_path, monkeypatch):

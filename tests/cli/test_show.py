@@ -75,21 +75,21 @@ def recording(folder: Path, *maps: ForceMap, limits: bool = True, by: Assessment
     return record(folder, [*sent, ("/rejection", rejection("no units stated"), len(sent))])
 
 
-def show(capfd: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, list[str], str]:
+def show(capfd: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
     code = main(["show", *map(str, arguments)])
     out, err = capfd.readouterr()
-    return code, out.splitlines(), err
+    return code, out, err
 
 
 def test_worst_weld_comes_first_and_with_its_curve(capfd, tmp_path):
     fine = force_map("fine", (101, 102, 103, 104), p2_force_n=[101e3] * 4, force_20hz_n=[101e3] * 4)
     bag = recording(tmp_path / "bag", fine, force_map("mild", (101, 102, 103, 104)), force_map("bad"))
     code, out, err = show(capfd, bag)
-    assert (code, out) == (0, [])
-    assert err.index("bad") < err.index("mild") < err.index("UNREADABLE") < err.index("fine")
-    assert "weld.csv" in err
-    assert "peak_force 240 of" in err
-    shown = err[err.rindex("peak 240 kN at 60 km/h") :]
+    assert (code, err) == (0, "")
+    assert out.index("bad") < out.index("mild") < out.index("UNREADABLE") < out.index("fine")
+    assert "weld.csv" in out
+    assert "peak_force 240 of" in out
+    shown = out[out.rindex("peak 240 kN at 60 km/h") :]
     assert "limit" in shown
     assert "static" in shown
     assert "⡠" in shown
@@ -99,9 +99,9 @@ def test_worst_weld_comes_first_and_with_its_curve(capfd, tmp_path):
 
 def test_a_named_weld_stands_alone(capfd, tmp_path):
     bag = recording(tmp_path / "bag", force_map("mild", (101, 102, 103, 104)), force_map("bad"))
-    code, lines, err = show(capfd, bag, "mild", "--json", "-")
+    code, out, err = show(capfd, bag, "mild", "--json", "-")
     assert code == 0
-    assert [decode(Verdict, line).weld_id for line in lines] == ["mild"]
+    assert [decode(Verdict, line).weld_id for line in out.splitlines()] == ["mild"]
     assert "bad" not in err
 
 
@@ -109,8 +109,8 @@ def test_restriction_is_judged_as_a_line_of_that_speed(capfd, tmp_path):
     """110 kN at 20 km/h is within all limits; at 60 the force is larger than at 140."""
     bag = recording(tmp_path / "bag", force_map())
     for kmh, decision, change in ((60, "GRIND", "+0 %"), (59, "UNDECIDED", "-54 %")):
-        _, (line,), err = show(capfd, bag, "--restrict", kmh, "--json", "-")
-        said = json.loads(line)
+        _, out, err = show(capfd, bag, "--restrict", kmh, "--json", "-")
+        said = json.loads(out)
         assert said["at_most_kmh"] == kmh
         assert said["recorded"]["peak_force_n"] == 240e3
         assert said["restricted"]["decision"].upper() == decision
@@ -123,14 +123,14 @@ def test_restriction_is_judged_as_a_line_of_that_speed(capfd, tmp_path):
     [(140, "no change, judged up to 140 km/h"), (10, "not known, nothing was computed below 20 km/h")],
 )
 def test_restrictions_that_say_nothing(capfd, tmp_path, kmh, said):
-    code, _, err = show(capfd, recording(tmp_path / "bag", force_map()), "--restrict", kmh)
+    code, out, _ = show(capfd, recording(tmp_path / "bag", force_map()), "--restrict", kmh)
     assert code == 0
-    assert said in err
+    assert said in out
 
 
 def test_a_recording_without_limits_tells_no_restriction(capfd, tmp_path):
-    _, _, err = show(capfd, recording(tmp_path / "bag", force_map(), limits=False), "--restrict", 80)
-    assert "running at most at 80 km/h: not known, its limits not recorded" in err
+    _, out, _ = show(capfd, recording(tmp_path / "bag", force_map(), limits=False), "--restrict", 80)
+    assert "running at most at 80 km/h: not known, its limits not recorded" in out
 
 
 def test_a_map_of_one_speed_is_a_point(capfd, tmp_path):
@@ -140,25 +140,25 @@ def test_a_map_of_one_speed_is_a_point(capfd, tmp_path):
         curve=UNSET,
         **{name: [1e5] for name in ("peak_force_n", "peak_x_m", "min_force_n", "contact_loss_s")},
     )
-    code, _, err = show(capfd, recording(tmp_path / "bag", replace(one, contact_loss_s=[0.0])))
+    code, out, _ = show(capfd, recording(tmp_path / "bag", replace(one, contact_loss_s=[0.0])))
     assert code == 0
-    assert "static" in err
+    assert "static" in out
 
 
 @pytest.mark.parametrize("bag", sorted(DEMO.parent.iterdir()), ids=lambda bag: bag.name)
 @pytest.mark.parametrize("arguments", [(), ("weld-4-steep-ramp",), ("--restrict", "80")])
 def test_recordings_of_every_version_are_shown(capfd, bag, arguments):
-    code, _, err = show(capfd, bag, *arguments)
-    assert code == 0
-    assert "weld-4-steep-ramp" in err
-    assert "static" in err
+    code, out, err = show(capfd, bag, *arguments)
+    assert (code, err) == (0, "")
+    assert "weld-4-steep-ramp" in out
+    assert "static" in out
 
 
 def test_hostile_names_neither_style_nor_steer_the_terminal(capfd, tmp_path):
-    code, _, err = show(capfd, recording(tmp_path / "bag", force_map(HOSTILE)))
+    code, out, _ = show(capfd, recording(tmp_path / "bag", force_map(HOSTILE)))
     assert code == 0
-    assert "[bold]km 12[/]" in err
-    assert all(c.isprintable() or c == "\n" for c in err)
+    assert "[bold]km 12[/]" in out
+    assert all(c.isprintable() or c == "\n" for c in out)
 
 
 @pytest.mark.parametrize(
@@ -166,14 +166,14 @@ def test_hostile_names_neither_style_nor_steer_the_terminal(capfd, tmp_path):
     [
         (("nowhere",), "does not exist"),
         ((DEMO, "weld-9"), "holds no verdict on 'weld-9'; name "),
-        ((DEMO, "--restrict", "fast"), "'--restrict'"),
-        ((DEMO, "--restrict", "-5"), "greater than or equal to 1"),
-        ((DEMO, "--restrict", "nan"), "less than or equal to 1000"),
+        ((DEMO, "--restrict", "fast"), "--restrict 'fast' cannot be read; write 80 or 80km/h"),
+        ((DEMO, "--restrict", "-5"), "give 1 to 1000 km/h"),
+        ((DEMO, "--restrict", "2000"), "give 1 to 1000 km/h"),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(capfd, arguments, part):
     code, out, err = show(capfd, *arguments)
-    assert (code, out) == (2, [])
+    assert (code, out) == (2, "")
     assert part in err
     assert err.count("\n") == 1
 
@@ -182,7 +182,7 @@ def on_a_terminal(columns: int, *command: str, **environment: str) -> str:
     main_end, terminal = pty.openpty()
     process = subprocess.Popen(
         command,
-        stderr=terminal,
+        stdout=terminal,
         env={**os.environ, "COLUMNS": str(columns), "TERM": "xterm-256color", **environment},
     )
     os.close(terminal)
@@ -224,10 +224,10 @@ def answered(folder: Path) -> Path:
 
 
 def test_verdicts_with_two_answers_show_both_and_why_each_is_not_accepted(capfd, tmp_path):
-    code, _, err = show(capfd, answered(tmp_path / "bag"))
+    code, out, _ = show(capfd, answered(tmp_path / "bag"))
     assert code == 0
-    shown = " ".join(err.split())
-    assert "│ REJECT │ bad │ grind │ replace │ 260 │ 100 % │" in shown
+    shown = " ".join(out.split())
+    assert " REJECT bad grind replace 260 100 % " in shown
     assert "KM12: Geometry grind: dip under a straightedge of 1 m is 1.50 of its limit" in shown
     assert "weld.csv: unreadable. No units stated." in shown
     assert "Force, by model (force): replace. Peak force is 1.73 of its limit" in shown
@@ -239,21 +239,10 @@ def test_80_columns_hold_both_answers_and_no_word_breaks(tmp_path):
     shown = on_a_terminal(80, sys.executable, "-m", "weld_force_ros.cli", "show", str(bag), "--restrict", "80")
     assert max(map(len, shown.splitlines())) <= 80
     assert "…" not in shown
-    words = set(re.split(r"[\s│┃]+", shown))
+    words = set(shown.split())
     assert {"decision", "geometry", "force", "exceeding", "shrinkages", "UNDECIDED", "UNREADABLE", "REJECT"} <= words
     assert {"criterion", "running", "against", "straightedge", "(informative)*", "unloading*"} <= words
     assert "KM12 running at most at 80 km/h" in shown
-
-
-def test_rule_books_are_named_with_the_count_of_verified_numbers(tmp_path):
-    code = (
-        "from weld_force_ros.assessment.rule_books import load_limits; from weld_force_ros.cli import terminal; "
-        "terminal.show_rule_books(load_limits('force,banenor-531'))"
-    )
-    shown = on_a_terminal(80, sys.executable, "-c", code)
-    assert re.search(r"banenor-531 │ Bane NOR, Teknisk regelverk 531.*│ +3 of 3", shown)
-    assert re.search(r"force +│.*│ +0 of 6", shown)
-    assert max(map(len, shown.splitlines())) <= 80
 
 
 @pytest.mark.parametrize(
@@ -274,5 +263,5 @@ def test_a_terminal_without_unicode_gets_ascii():
 def test_piped_it_has_no_colours():
     command = [sys.executable, "-m", "weld_force_ros.cli", "show", str(DEMO)]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert "\x1b" not in done.stderr
-    assert done.stdout == ""
+    assert "\x1b" not in done.stdout
+    assert done.stderr == ""

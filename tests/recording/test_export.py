@@ -212,7 +212,8 @@ def changed(text: str, **fields: str) -> WeldProfile:
 
 def run(capfd, *arguments: object) -> tuple[int, str, str]:
     code = main.main([str(argument) for argument in arguments])
-    return code, *capfd.readouterr()
+    printed = capfd.readouterr()
+    return code, printed.out, printed.out + printed.err
 
 
 def test_recover_says_what_was_lost_and_says_the_same_again(tmp_path, capfd):

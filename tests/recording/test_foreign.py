@@ -34,7 +34,7 @@ def content(bag: Path) -> recording.Recording:
 def run(capfd, *words: object) -> tuple[int, str, str]:
     code = main([str(word) for word in words])
     printed = capfd.readouterr()
-    return code, printed.out, " ".join(printed.err.split())
+    return code, printed.out, " ".join((printed.out + printed.err).split())
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -131,7 +131,7 @@ def test_rules_know_every_decision():
 def test_export_has_a_layout_for_each_namespace_beside_it(capfd, tmp_path, topics, files):
     bag = record(tmp_path / "bag", [(topic, profile(), i) for i, topic in enumerate(topics)])
     assert main(["bag", "export", str(bag), str(tmp_path / "out.mcap")]) == 0
-    said = capfd.readouterr().err
+    said = capfd.readouterr().out
     found = {path.name: json.loads(path.read_text()) for path in tmp_path.glob("*.json")}
     assert found.keys() == files.keys()
     for name, namespace in files.items():

@@ -1,6 +1,7 @@
 """Gaps of a clock that was set while it was recorded: found, not counted, said."""
 
 import json
+import time
 from itertools import pairwise
 
 import pytest
@@ -36,8 +37,10 @@ def test_gaps_are_those_between_neighbours_in_time_whatever_the_order(parts):
         assert timeline.log_time_ns(after_ns) == times[elapsed.index(after_ns)]
 
 
-def test_info_leaves_out_the_years_and_says_so(tmp_path, capfd):
-    """A clock at 1970 when the recording began, set right after two seconds."""
+def test_info_leaves_out_the_years_and_says_so(tmp_path, capfd, monkeypatch):
+    """A clock at 1970 when the recording began, set right after two seconds; times are those of the zone."""
+    monkeypatch.setenv("TZ", "CET-1")
+    time.tzset()
     with recording.Recorder(tmp_path / "run") as recorder:
         for time_ns in (0, 2 * 10**9, YEARS_57_NS, YEARS_57_NS + 3 * 10**9):
             recorder.write(
@@ -52,7 +55,7 @@ def test_info_leaves_out_the_years_and_says_so(tmp_path, capfd):
     assert json.loads(printed.out)["gaps"] == [{"start_ns": 2 * 10**9, "end_ns": YEARS_57_NS}]
     said = " ".join(printed.err.split())
     assert "4 messages, 5.0 s" in said
-    assert "gap of 57.0 years, not counted: 1970-01-01 00:00:02 to 2026-12-18 00:00:00" in said
+    assert "gap of 57.0 years, not counted: 1970-01-01 01:00:02 CET to 2026-12-18 01:00:00 CET" in said
 
 
 def test_recording_of_an_hour_has_no_gap(tmp_path):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from weld_force_ros.cli import json_output
-from weld_force_ros.cli.options import BagPath, Json
+from weld_force_ros.cli.options import BagPath, Json, in_existing_folder, prints_results
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -15,12 +15,21 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Look into, repair and export recordings.", rich_markup_mode=None)
 
-Recovered = Annotated[Path | None, typer.Argument(help="Folder of the recovered bag (default: BAG-recovered).")]
-Exported = Annotated[Path, typer.Argument(help="New .mcap file for Foxglove or Lichtblick, or new folder for tables.")]
+Recovered = Annotated[
+    Path | None,
+    typer.Argument(callback=in_existing_folder, help="Folder of the recovered bag (default: BAG-recovered)."),
+]
+Exported = Annotated[
+    Path,
+    typer.Argument(
+        callback=in_existing_folder, help="New .mcap file for Foxglove or Lichtblick, or new folder for tables."
+    ),
+]
 Formats = Annotated[list[str] | None, typer.Option("--format", help="Of tables: csv (default), parquet, or each.")]
 
 
 @app.command("info")
+@prints_results
 def bag_info(bag: BagPath, json: Json = None) -> None:
     """Show what a recording holds, its state, and how its measurements ended."""
     from weld_force_ros.cli import terminal
@@ -31,14 +40,15 @@ def bag_info(bag: BagPath, json: Json = None) -> None:
     gaps = [gap._asdict() for gap in found.gaps]
     with json_output.lines(json) as out:
         json_output.write(out, {**asdict(found), "gaps": gaps, "outcomes": asdict(ended) if ended else None})
+    messages = terminal.counted(found.message_count, "message")
     terminal.table(
-        f"{found.path}: {found.message_count} messages, {found.duration_s:.1f} s, {found.size_bytes / 1e3:.0f} kB",
+        f"{found.path}: {messages}, {found.duration_s:.1f} s, {found.size_bytes / 1e3:.0f} kB",
         [("topic", ""), ("type", ""), ("messages", "right")],
         [(t.topic, t.type_name, str(t.message_count)) for t in found.topics],
     )
     terminal.table(
         "Files",
-        [("file", ""), ("begins (UTC)", ""), ("s", "right"), ("messages", "right"), ("kB", "right"), ("state", "")],
+        [("file", ""), ("begins", "whole"), ("s", "right"), ("messages", "right"), ("kB", "right"), ("state", "")],
         map(_file_row, found.files),
     )
     for gap in found.gaps:
@@ -49,11 +59,11 @@ def bag_info(bag: BagPath, json: Json = None) -> None:
 
 
 def _file_row(file: "FileSummary") -> tuple[str, ...]:
-    from weld_force_ros.recording import utc
+    from weld_force_ros.recording import local_time
 
     return (
         file.name,
-        utc(file.start_ns) if file.message_count else "",
+        local_time(file.start_ns) if file.message_count else "",
         f"{file.duration_s:.1f}",
         str(file.message_count),
         f"{file.size_bytes / 1e3:.0f}",
@@ -62,8 +72,11 @@ def _file_row(file: "FileSummary") -> tuple[str, ...]:
 
 
 def _ended(ended: "OutcomeCounts") -> str:
+    from weld_force_ros.cli.terminal import counted
+
     return (
-        f"{ended.measurements} profiles: {ended.verdicts} verdicts, {ended.rejections} rejections, "
+        f"{counted(ended.measurements, 'profile')}: {counted(ended.verdicts, 'verdict')}, "
+        f"{counted(ended.rejections, 'rejection')}, "
         f"{ended.open} without either, {ended.doubled} with more than one"
     )
 
@@ -80,9 +93,10 @@ def bag_recover(bag: BagPath, target: Recovered = None) -> None:
         _report_problem(error)
         raise typer.Exit(1) from None
     if recovered.damage:
-        terminal.say(f"{bag}: {recovered.damage}")
-    there = "are in {} already" if recovered.already else "recovered to {}"
-    terminal.say(f"{recovered.message_count} messages {there.format(recovered.target)}; {_lost(recovered)}")
+        terminal.note(f"{bag}: {recovered.damage}")
+    where = "already in" if recovered.already else "recovered to"
+    messages = terminal.counted(recovered.message_count, "message")
+    terminal.say(f"{messages} {where} {recovered.target}; {_lost(recovered)}")
     for clause in recovered.rewritten:
         terminal.say(f"not kept as it was: {clause}")
     if recovered.lossy or recovered.unread_by_others:
@@ -108,7 +122,7 @@ def bag_export(bag: BagPath, target: Exported, formats: Formats = None) -> None:
         exported = export_json(bag, target, on_invalid=_report_problem)
     else:
         exported = export_tables(bag, target, formats or ["csv"], on_invalid=_report_problem)
-    terminal.say(f"{exported.message_count} messages exported to {target}")
+    terminal.say(f"{terminal.counted(exported.message_count, 'message')} exported to {target}")
     if exported.layouts:
         names = " or ".join(str(path) for path in exported.layouts)
         terminal.say(f"layout: {names}  (Foxglove, Lichtblick: open the export, then import this layout)")
@@ -117,4 +131,4 @@ def bag_export(bag: BagPath, target: Exported, formats: Formats = None) -> None:
 def _report_problem(error: InputError) -> None:
     from weld_force_ros.cli import terminal
 
-    terminal.say("weld-force: " + " ".join(str(error).split()))
+    terminal.note("weld-force: " + " ".join(str(error).split()))

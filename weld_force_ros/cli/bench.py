@@ -9,10 +9,11 @@ import typer
 
 import weld_force_ros
 from weld_force_ros.cli import json_output
-from weld_force_ros.cli.options import Json
+from weld_force_ros.cli.options import Json, prints_results
 from weld_force_ros.errors import InputError
 
 
+@prints_results
 def bench(
     repetitions: Annotated[int, typer.Option(min=1, max=50, help="Interleaved repetitions of each timing.")] = 3,
     quick: Annotated[bool, typer.Option("--quick", help="Without what takes minutes.")] = False,
@@ -22,7 +23,7 @@ def bench(
     from weld_force_ros.cli import terminal
 
     benchmarks = _benchmarks()
-    with terminal.console.status("measuring") as status:
+    with terminal.notes.status("measuring") as status:
         found = benchmarks.run(repetitions=repetitions, quick=quick, on_step=status.update)
     with json_output.lines(json) as out:
         json_output.write(out, found)

@@ -3,15 +3,16 @@
 import typer
 
 from weld_force_ros.cli import json_output
-from weld_force_ros.cli.options import Json
+from weld_force_ros.cli.options import Json, prints_results
 
 
+@prints_results
 def benchmark(json: Json = None) -> None:
     """Compare with published numbers, formulas and closed forms; exit code 1 if one differs by more than allowed."""
     from weld_force_ros.cli import terminal
     from weld_force_ros.studies import benchmark_study
 
-    with terminal.console.status("comparing"):
+    with terminal.notes.status("comparing"):
         found = list(benchmark_study.run())
     with json_output.lines(json) as out:
         for one in found:

@@ -11,7 +11,8 @@ import typer
 from msgspec.structs import replace
 
 from weld_force_ros.cli import json_output
-from weld_force_ros.cli.options import Json, group_with_default
+from weld_force_ros.cli.options import Json, group_with_default, in_existing_folder, prints_results
+from weld_force_ros.cli.quantities import force_n, speed_kmh
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,7 +37,10 @@ app.add_typer(queries, name="query")
 _SHOWN = 30
 
 File = Annotated[Path, typer.Argument(metavar="CAMPAIGN.yaml", help="What to assess, and how.")]
-Out = Annotated[Path | None, typer.Option("--out", "-o", help="Folder for the results (default: the file's own).")]
+Out = Annotated[
+    Path | None,
+    typer.Option("--out", "-o", callback=in_existing_folder, help="Folder for the results (default: the file's own)."),
+]
 Results = Annotated[Path, typer.Argument(metavar="RESULTS", help="The folder that a campaign wrote.")]
 Show = Annotated[int, typer.Option(min=0, help="Rows shown at most.")]
 Workers = Annotated[
@@ -45,6 +49,7 @@ Workers = Annotated[
 
 
 @app.command()
+@prints_results
 def run(
     file: File,
     out: Out = None,
@@ -59,7 +64,7 @@ def run(
 
     campaign = _module("campaign_file").read(file)
     campaign = replace(campaign, out=(out or campaign.out).absolute())
-    planned: Plan = _module("plan").make(campaign, _module("sources").find(campaign, terminal.say))
+    planned: Plan = _module("plan").make(campaign, _module("sources").find(campaign, terminal.note))
     count = workers or os.cpu_count() or 1
     with json_output.lines(json) as lines:
         if plan:
@@ -79,10 +84,22 @@ def summary(results: Results) -> None:
 
 
 @queries.command()
+@prints_results
 def over(
     results: Results,
-    at: Annotated[float, typer.Option(help="Speed in km/h; the nearest computed one that is not above it counts.")],
-    peak: Annotated[float | None, typer.Option(help="Peak force in N that counts as too much.")] = None,
+    at: Annotated[
+        float,
+        typer.Option(
+            parser=str,
+            callback=speed_kmh,
+            metavar="80",
+            help="Speed in km/h; the nearest computed one that is not above it counts.",
+        ),
+    ],
+    peak: Annotated[
+        float | None,
+        typer.Option(parser=str, callback=force_n, metavar="200kN", help="Peak force that counts as too much."),
+    ] = None,
     show: Show = _SHOWN,
     json: Json = None,
 ) -> None:
@@ -91,9 +108,12 @@ def over(
 
 
 @queries.command()
+@prints_results
 def worse(
     results: Results,
-    to: Annotated[float, typer.Option(help="Speed of the restriction in km/h.")],
+    to: Annotated[
+        float, typer.Option(parser=str, callback=speed_kmh, metavar="80", help="Speed of the restriction in km/h.")
+    ],
     by: Annotated[float, typer.Option(help="Only those whose peak force rises by more than this share.")] = 0.0,
     show: Show = _SHOWN,
     json: Json = None,
@@ -103,6 +123,7 @@ def worse(
 
 
 @queries.command()
+@prints_results
 def changed(
     before: Results,
     after: Annotated[Path, typer.Argument(help="The folder of a later campaign of the same welds.")],
@@ -115,6 +136,7 @@ def changed(
 
 
 @queries.command()
+@prints_results
 def sql(
     results: Results,
     text: Annotated[str, typer.Argument(help="SQL over verdicts, vehicles, speeds and rejections.")],
@@ -131,10 +153,9 @@ def _tell(title: str, answer: "Answer", at_most: int, json: str | None) -> None:
     with json_output.lines(json) as lines:
         for record in answer.records:
             json_output.write(lines, record)
-    if json != "-":
-        shown = answer.as_text(at_most)
-        terminal.table(title, [(name, "") for name in answer.columns], shown)
-        terminal.say(f"{len(shown):,} of {len(answer.rows):,}; all of them with --json FILE")
+    shown = answer.as_text(at_most)
+    terminal.table(title, [(name, "") for name in answer.columns], shown)
+    terminal.say(f"{len(shown):,} of {len(answer.rows):,}; all of them with --json FILE")
 
 
 def _module(name: str) -> Any:
@@ -166,17 +187,26 @@ def _planned(plan: "Plan", workers: int) -> "Estimate":
 def _show_plan(plan: "Plan", expected: "Estimate") -> None:
     from weld_force_ros.campaign import estimate
     from weld_force_ros.cli import terminal
+    from weld_force_ros.cli.terminal import counted
 
     low_s, about_s, high_s = expected.seconds
+    sources, batches = counted(len(plan.sources), "source"), counted(plan.batches, "batch", "batches")
+    workers = counted(expected.workers, "worker")
     terminal.table(
         f"Plan: {plan.name}",
         [("what", ""), ("value", "")],
         [
-            ("welds", f"{plan.welds:,} in {len(plan.sources)} sources, {plan.batches:,} batches"),
+            (
+                "welds",
+                f"{plan.welds:,} in {sources}, {batches}",
+            ),
             ("sections", ", ".join(f"{s.name} ({', '.join(s.vehicles)})" for s in plan.sections)),
             ("passages of a weld", f"{plan.passages:,} at most"),
             ("a weld under a vehicle", f"{expected.weld_s[0] * 1e3:.2f} ± {expected.weld_s[1] * 1e3:.2f} ms here"),
-            ("time", f"{duration(about_s)} on {expected.workers} workers ({duration(low_s)} to {duration(high_s)})"),
+            (
+                "time",
+                f"{duration(about_s)} on {workers} ({duration(low_s)} to {duration(high_s)})",
+            ),
             ("results", f"{expected.bytes / 1e6:,.1f} MB"),
         ],
     )
@@ -189,11 +219,12 @@ def _show_plan(plan: "Plan", expected: "Estimate") -> None:
 
 def _run(plan: "Plan", out: Path, scheduler: str | None, workers: int) -> "Manifest":
     from weld_force_ros.cli import terminal
+    from weld_force_ros.cli.terminal import counted
 
     running = _module("dask_run")
     finished: list[BatchRecord] = running.prepare(plan, out)
     if finished:
-        terminal.say(f"{len(finished):,} of {plan.batches:,} batches are finished already")
+        terminal.note(f"{len(finished):,} of {plan.batches:,} batches are finished already")
     began = time.perf_counter()
     if len(finished) < plan.batches:
         _planned(plan, workers)
@@ -201,8 +232,9 @@ def _run(plan: "Plan", out: Path, scheduler: str | None, workers: int) -> "Manif
         _assess(plan, out, finished, scheduler, workers)
     manifest: Manifest = running.complete(plan, out)
     terminal.say(
-        f"{manifest.welds:,} welds: {manifest.verdicts:,} verdicts, {manifest.rejections:,} rejections in "
-        f"{duration(time.perf_counter() - began)}; results {manifest.results_sha256[:16]} in {out}"
+        f"{counted(manifest.welds, 'weld')}: {counted(manifest.verdicts, 'verdict')}, "
+        f"{counted(manifest.rejections, 'rejection')} in {duration(time.perf_counter() - began)}; "
+        f"results {manifest.results_sha256[:16]} in {out}"
     )
     return manifest
 
@@ -210,18 +242,19 @@ def _run(plan: "Plan", out: Path, scheduler: str | None, workers: int) -> "Manif
 def _assess(plan: "Plan", out: Path, finished: "list[BatchRecord]", scheduler: str | None, workers: int) -> None:
     """Assess the batches that are not finished, with a progress bar."""
     from weld_force_ros.cli import terminal
+    from weld_force_ros.cli.terminal import counted
 
     running = _module("dask_run")
-    terminal.say("starting workers" if scheduler is None else f"connecting to {scheduler}")
+    terminal.note("starting workers" if scheduler is None else f"connecting to {scheduler}")
     with running.cluster(scheduler, workers) as client:
-        terminal.say(f"dashboard: {client.dashboard_link}")
+        terminal.note(f"dashboard: {client.dashboard_link}")
         progress = _Progress(sum(record.welds for record in finished), plan.welds)
         with progress.bar:
             failed = running.distribute(client, plan, out, {record.batch for record in finished}, progress.add)
     if failed:
         first = failed[0]
-        terminal.say(f"{len(failed)} batches pending; batch {first.batch}: {first.reason}")
-        terminal.say("the same command tries them again; the others are finished")
+        terminal.note(f"{counted(len(failed), 'batch', 'batches')} pending; batch {first.batch}: {first.reason}")
+        terminal.note("the same command tries them again; the others are finished")
         raise typer.Exit(1)
 
 
@@ -247,7 +280,7 @@ class _Progress:
         if self.bar.disable and now - self._said > self._EVERY_S:
             self._said = now
             left = duration((self._welds - self._done) / rate)
-            terminal.say(f"{self._done:,} of {self._welds:,} welds, {rate:,.0f} welds/s, {left} left")
+            terminal.note(f"{self._done:,} of {self._welds:,} welds, {rate:,.0f} welds/s, {left} left")
 
 
 def _bar() -> "Progress":
@@ -262,9 +295,9 @@ def _bar() -> "Progress":
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(),
-        console=terminal.console,
+        console=terminal.notes,
         transient=True,
-        disable=not terminal.console.is_terminal,
+        disable=not terminal.notes.is_terminal,
     )
 
 

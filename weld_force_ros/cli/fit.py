@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from weld_force_ros.cli import json_output
-from weld_force_ros.cli.options import Json
+from weld_force_ros.cli.options import Json, in_existing_folder, prints_results
 from weld_force_ros.errors import InputError, os_errors_as
 
 if TYPE_CHECKING:
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from weld_force_ros.simulation.track_file import TrackDefinition
 
 
+@prints_results
 def fit(
     track: Annotated[str, typer.Argument(help="A bundled track or the path of a track file (YAML).")],
     engine: Annotated[str, typer.Option(help="rfp (searched by NSGA-II) or common-poles.")] = "rfp",
@@ -24,7 +25,9 @@ def fit(
     seed: Annotated[int, typer.Option(min=0, help="rfp: of the search.")] = 1,
     generations: Annotated[int, typer.Option(min=1, max=10_000, help="rfp: of the search.")] = 40,
     population: Annotated[int, typer.Option(min=8, max=1_000, help="rfp: fits in a generation.")] = 40,
-    out: Annotated[Path | None, typer.Option(help="Folder for the fit and its picture.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(callback=in_existing_folder, help="Folder for the fit and its picture.")
+    ] = None,
     json: Json = None,
 ) -> None:
     """Fit a track now and show its errors; an interrupted search continues where it stopped."""

@@ -13,8 +13,11 @@ from weld_force_ros.cli.options import (
     Plot,
     Profiles,
     SimulationOptions,
+    prints_results,
     with_option_groups,
 )
+from weld_force_ros.cli.quantities import length_m
+from weld_force_ros.cli.site import with_site
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,20 +25,37 @@ if TYPE_CHECKING:
     from weld_force_ros.messages import GrindingAdvice
 
 _MM, _MM2, _KN = 1e3, 1e6, 1e-3
+_MOST_MARGIN_M = 1e-3
 
 
 @dataclass(frozen=True)
 class GrinderOptions:
     """The grinder's capabilities."""
 
-    band_limit_m: Annotated[float, typer.Option("--band-limit", help="Shortest wavelength that is ground, m.")] = 0.10
-    stone_radius_m: Annotated[float, typer.Option("--stone-radius", help="Of the grinding stone, m.")] = 0.15
-    hand_margin_mm: Annotated[
+    band_limit_m: Annotated[
         float,
-        typer.Option(help="By how much the depth may come out too large or too small, mm; 0: ground by a machine."),
-    ] = 0.03
+        typer.Option(
+            "--band-limit", parser=str, callback=length_m, metavar="LENGTH", help="Shortest wavelength that is ground."
+        ),
+    ] = 0.10
+    stone_radius_m: Annotated[
+        float,
+        typer.Option("--stone-radius", parser=str, callback=length_m, metavar="LENGTH", help="Of the grinding stone."),
+    ] = 0.15
+    hand_margin_m: Annotated[
+        float,
+        typer.Option(
+            "--hand-margin",
+            parser=str,
+            callback=length_m,
+            metavar="LENGTH",
+            help="By how much the depth may come out too large or too small; 0: ground by a machine.",
+        ),
+    ] = 0.03e-3
 
 
+@prints_results
+@with_site
 @with_option_groups()
 def grind(
     profiles: Profiles,
@@ -91,13 +111,15 @@ def _adviser(simulation: SimulationOptions, grinder: GrinderOptions, limits: str
     from weld_force_ros.cli import terminal
 
     if not 0.01 <= grinder.band_limit_m <= 2.0:
-        raise InputError(f"--band-limit {grinder.band_limit_m:g} cannot be ground", "give 0.01 to 2 m")
+        raise InputError(f"--band-limit {grinder.band_limit_m:g} m cannot be ground", "give 0.01 to 2 m")
+    if not 0 <= grinder.hand_margin_m <= _MOST_MARGIN_M:
+        raise InputError(f"--hand-margin {grinder.hand_margin_m * _MM:g} mm is none", "give 0 to 1mm, such as 0.03mm")
     capabilities = Grinder(
         band_limit_m=grinder.band_limit_m,
         stone_radius_m=grinder.stone_radius_m,
-        hand_margin_m=grinder.hand_margin_mm / _MM,
+        hand_margin_m=grinder.hand_margin_m,
     )
-    return Adviser(simulation.settings(), load_limits(limits), capabilities, on_fit=terminal.say)
+    return Adviser(simulation.settings(), load_limits(limits), capabilities, on_fit=terminal.note)
 
 
 def _row(advice: "GrindingAdvice") -> tuple[str, ...]:

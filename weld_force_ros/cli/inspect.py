@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from weld_force_ros.cli import json_output
-from weld_force_ros.cli.options import Json, MeasurementOptions, with_option_groups
+from weld_force_ros.cli.options import Json, MeasurementOptions, prints_results, with_option_groups
+from weld_force_ros.cli.site import with_site
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 Files = Annotated[list[str], typer.Argument(help="Measurement files, or names of bundled profiles.")]
 
 
+@prints_results
+@with_site
 @with_option_groups()
 def inspect(files: Files, measurement: MeasurementOptions, json: Json = None) -> None:
     """Show what is understood of measurement files: format, units, welds, noise, wrong samples, and a small plot."""
@@ -30,7 +33,7 @@ def inspect(files: Files, measurement: MeasurementOptions, json: Json = None) ->
             except InputError as error:
                 unreadable += 1
                 json_output.write(out, {"source": Path(name).name, "problems": [str(error)]})
-                terminal.say(f"error: {error}")
+                terminal.note(f"weld-force: {error}")
                 continue
             for understood in found:
                 json_output.write(out, as_json(understood))
@@ -78,8 +81,8 @@ def _show(understood: "Understood") -> None:
         *(("done", step) for step in profile.conditioning),
     ]  # fmt: skip
     terminal.table(f"{profile.source}: {profile.weld_id}", [("", ""), ("understood", "")], rows)
-    width = min(terminal.console.width, 100)
-    terminal.say(profile_plot(profile, width=width, unicode=terminal.console.encoding.startswith("utf")))
+    width = min(terminal.width(), 100)
+    terminal.say(profile_plot(profile, width=width, unicode=terminal.can_draw()))
 
 
 def _form_error(profile: "WeldProfile") -> str:

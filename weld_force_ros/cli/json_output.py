@@ -13,17 +13,15 @@ from weld_force_ros.errors import InputError, os_errors_as
 
 @contextlib.contextmanager
 def output_file(path: Path) -> Iterator[IO[str]]:
-    """Open a text file that a command writes, its folder made.
+    """Open a text file that a command writes, in a folder that exists.
 
     It is written in place, not renamed: it may be a pipe or a device, and somebody may follow it line by line.
 
     Raises:
         InputError: the place cannot be written.
     """
-    with os_errors_as(InputError, path, "name a file in a writable folder"):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w", encoding="utf-8") as file:
-            yield file
+    with os_errors_as(InputError, path, "name a file in a writable folder"), path.open("w", encoding="utf-8") as file:
+        yield file
 
 
 @contextlib.contextmanager

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from weld_force_ros.cli import json_output
 from weld_force_ros.cli.json_output import output_file
+from weld_force_ros.cli.options import Json, in_existing_folder, prints_results
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -17,29 +19,44 @@ app = typer.Typer(no_args_is_help=True, help="Rule books: list them, check a fil
 
 
 @app.command("list")
-def list_() -> None:
+@prints_results
+def list_(json: Json = None) -> None:
     """List the bundled rule books, and how many of their numbers stand in a text that was read."""
     from weld_force_ros.assessment.rule_books import bundled, limits_of, read_rule_book, verified_of
     from weld_force_ros.cli import terminal
 
     rows = []
-    for name in bundled():
-        book = read_rule_book(name)
-        limits = list(limits_of(book))
-        numbers = verified_of(limits) if limits else "template: no numbers"
-        rows.append((name, book.title, book.state.replace("_", " "), numbers))
+    with json_output.lines(json) as out:
+        for name in bundled():
+            book = read_rule_book(name)
+            limits = list(limits_of(book))
+            numbers = verified_of(limits) if limits else "template: no numbers"
+            rows.append((name, book.title, book.state.replace("_", " "), numbers))
+            verified = sum(limit.verified for limit in limits)
+            json_output.write(
+                out,
+                {"name": name, "title": book.title, "state": book.state, "limits": len(limits), "verified": verified},
+            )
     terminal.table("Rule books", [("name", ""), ("what", ""), ("welds", ""), ("verified", "")], rows)
 
 
 @app.command()
-def check(files: Annotated[list[str], typer.Argument(help="Names of rule books, or files.")]) -> None:
+@prints_results
+def check(
+    files: Annotated[list[str], typer.Argument(help="Names of rule books, or files.")], json: Json = None
+) -> None:
     """Check rule books: show every limit with the line speeds it holds for, and its source."""
     from weld_force_ros.assessment.rule_books import limits_of, load_limits, read_rule_book
     from weld_force_ros.cli import terminal
 
     for name in files:
         load_limits(name)
-        book = read_rule_book(name)
+    books = {name: read_rule_book(name) for name in files}
+    with json_output.lines(json) as out:
+        for book in books.values():
+            for limit in limits_of(book):
+                json_output.write(out, limit)
+    for name, book in books.items():
         rows = [_row(limit) for limit in limits_of(book)]
         heads = [("criterion", ""), ("line km/h", ""), ("limit", "right"), ("reject", "right"), ("source", "")]
         terminal.table(f"{name}: {book.title or 'limits'}", heads, rows)
@@ -47,7 +64,7 @@ def check(files: Annotated[list[str], typer.Argument(help="Names of rule books, 
 
 @app.command()
 def init(
-    file: Annotated[Path, typer.Argument(help="The file to write.")],
+    file: Annotated[Path, typer.Argument(callback=in_existing_folder, help="The file to write.")],
     like: Annotated[str | None, typer.Option(help="The rule book to begin with; asked for on a terminal.")] = None,
 ) -> None:
     """Write a rule book to fill in: a copy of a bundled one, under a name of its own."""

@@ -1,7 +1,8 @@
 """Run the one command, `weld-force`; each subcommand imports what it needs when it runs.
 
 Exit codes: 0 done, 1 a verdict or comparison failed, 2 bad input or usage (one line on standard error). With
-`--json -` standard output holds JSON lines and nothing else; tables and progress go to standard error.
+`--json -` standard output holds JSON lines and nothing else. Results go to standard output, progress and notes to
+standard error.
 """
 
 import atexit
@@ -14,7 +15,7 @@ import typer
 from typer.core import TyperGroup
 
 from weld_force_ros import SOFTWARE
-from weld_force_ros.cli import bag, campaign, limits, replay, study, track
+from weld_force_ros.cli import bag, campaign, limits, replay, result_stream, study, track
 from weld_force_ros.cli.assess import assess
 from weld_force_ros.cli.bench import bench
 from weld_force_ros.cli.benchmark import benchmark
@@ -29,6 +30,7 @@ from weld_force_ros.cli.report import report
 from weld_force_ros.cli.schema import schema
 from weld_force_ros.cli.show import show
 from weld_force_ros.cli.simulate import simulate
+from weld_force_ros.cli.site import init
 from weld_force_ros.cli.standard_error import discard_notes, print_notes, report_problem
 from weld_force_ros.errors import InputError, WeldForceError
 
@@ -36,7 +38,7 @@ from weld_force_ros.errors import InputError, WeldForceError
 _UsageError: Any = typer.BadParameter.__base__
 
 _SECTIONS = {
-    "Assess": ("assess", "inspect", "grind", "report", "show", "limits"),
+    "Assess": ("assess", "inspect", "grind", "report", "show", "limits", "init"),
     "In the field": ("up", "node", "demo"),
     "Recordings": ("bag", "replay"),
     "Network": ("campaign", "population"),
@@ -66,6 +68,7 @@ for _command in (
 ):  # fmt: skip
     app.command()(_command)
 app.command(context_settings={"ignore_unknown_options": True, "allow_extra_args": True})(node)
+app.command()(init)
 app.add_typer(limits.app, name="limits")
 app.add_typer(track.app, name="track")
 app.add_typer(replay.app, name="replay")
@@ -94,6 +97,7 @@ def main(arguments: list[str] | None = None) -> int:
     # An interpreter that ends looks for garbage among all that was imported, which takes a fifth of a short command.
     atexit.register(gc.freeze)
     discard_notes()
+    result_stream.choose("table")
     try:
         result = app(args=arguments, standalone_mode=False, prog_name="weld-force")
     except _UsageError as error:

@@ -11,9 +11,11 @@ from weld_force_ros.cli.options import (
     MeasurementOptions,
     SimulationOptions,
     UncertaintyOptions,
+    in_existing_folder,
     ros_module,
     with_option_groups,
 )
+from weld_force_ros.cli.site import with_site
 from weld_force_ros.errors import InputError
 
 
@@ -22,7 +24,10 @@ class SuiteOptions:
     """The suite's folders, and how its nodes run."""
 
     folder: Annotated[Path | None, typer.Option(help="Folder of measurement files to watch.")] = None
-    bag: Annotated[Path | None, typer.Option(help="Folder to record to; a recording there is continued.")] = None
+    bag: Annotated[
+        Path | None,
+        typer.Option(callback=in_existing_folder, help="Folder to record to; a recording there is continued."),
+    ] = None
     config: Annotated[Path | None, typer.Option(help="Parameter file (YAML); command-line options override it.")] = None
     namespace: Annotated[str, typer.Option(help="Of the nodes, such as left: two rails run side by side.")] = ""
     processes: Annotated[bool, typer.Option("--processes", help="One process a node; one that dies is restarted.")] = (
@@ -53,6 +58,7 @@ class SuiteOptions:
     ] = None
 
 
+@with_site
 @with_option_groups()
 def up(
     suite: SuiteOptions,

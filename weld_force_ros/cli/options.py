@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 from typer.core import TyperGroup
 
+from weld_force_ros.cli import result_stream
+from weld_force_ros.cli.quantities import force_n, length_m, mass_kg, speed_kmh
 from weld_force_ros.cli.standard_error import note_old_spelling
 from weld_force_ros.errors import InputError
 from weld_force_ros.ros import environment
@@ -20,8 +22,27 @@ if TYPE_CHECKING:
     from weld_force_ros.measurement.instruments import InstrumentFormat
     from weld_force_ros.messages import SimulationSettings, Uncertainty
 
+
+def in_existing_folder(option: typer.CallbackParam, path: Path | str | None) -> Path | str | None:
+    """Return where a command is to write: that it cannot is said before a long computation.
+
+    Raises:
+        InputError: the folder that it names is not there.
+    """
+    if path is None or path == "-" or Path(path).absolute().parent.is_dir():
+        return path
+    name = f"{option.opts[0]} " if option.opts[0].startswith("-") else ""
+    raise InputError(f"{name}{path}: there is no folder {Path(path).parent}", "make it first, or name another place")
+
+
 Track = Annotated[str, typer.Option(help="A bundled track or the path of a track file (YAML).")]
-Json = Annotated[str | None, typer.Option("--json", metavar="FILE|-", help="Write JSON lines to a file or stdout.")]
+As = Annotated[
+    str, typer.Option("--as", metavar="table|csv|json", help="What standard output holds; json is --json -.")
+]
+Json = Annotated[
+    str | None,
+    typer.Option("--json", metavar="FILE|-", callback=in_existing_folder, help="Write JSON lines to a file or stdout."),
+]
 Limits = Annotated[
     str | None,
     typer.Option(
@@ -31,7 +52,9 @@ Limits = Annotated[
 ]
 BagPath = Annotated[Path, typer.Argument(help="A bag folder, or one of its files (.mcap, .db3).")]
 Profiles = Annotated[list[str], typer.Argument(help="Profile files, or names of bundled profiles.")]
-Plot = Annotated[Path | None, typer.Option(help="Picture of each weld (several: a number is added).")]
+Plot = Annotated[
+    Path | None, typer.Option(callback=in_existing_folder, help="Picture of each weld (several: a number is added).")
+]
 
 
 @dataclass(frozen=True)
@@ -59,14 +82,29 @@ class SimulationOptions:
         typer.Option(help="N equal steps over the span, or metres after the sleeper: 0.15,0.30; default: 15."),
     ] = None
     wheel_mass_kg: Annotated[
-        float | None, typer.Option("--wheel-mass", help="Half a wheelset, kg; default: the track's.")
+        float | None,
+        typer.Option(
+            "--wheel-mass", parser=str, callback=mass_kg, metavar="600kg", help="Half a wheelset; default: the track's."
+        ),
     ] = None
-    static_load_n: Annotated[float | None, typer.Option("--static-load", help="Static wheel load, N.")] = None
-    wheel_radius_m: Annotated[float | None, typer.Option("--wheel-radius", help="Rolling radius, m.")] = None
+    static_load_n: Annotated[
+        float | None,
+        typer.Option("--static-load", parser=str, callback=force_n, metavar="100kN", help="Static wheel load."),
+    ] = None
+    wheel_radius_m: Annotated[
+        float | None,
+        typer.Option("--wheel-radius", parser=str, callback=length_m, metavar="460mm", help="Rolling radius."),
+    ] = None
     hertz_n_per_m15: Annotated[float | None, typer.Option("--hertz", help="Hertz constant, N/m^1.5.")] = None
     crown_radius_m: Annotated[
         float | None,
-        typer.Option("--crown-radius", help="Transverse radius of the rail head, m: the Hertz constant follows."),
+        typer.Option(
+            "--crown-radius",
+            parser=str,
+            callback=length_m,
+            metavar="300mm",
+            help="Transverse radius of the rail head: the Hertz constant follows.",
+        ),
     ] = None
     contact_patch: Annotated[
         str | None,
@@ -207,7 +245,14 @@ class MeasurementOptions:
         str | None, typer.Option(help="Where a file does not state it: up if a protrusion is positive, or down.")
     ] = None
     line_speed_kmh: Annotated[
-        float | None, typer.Option("--line-speed", help="Line speed that files do not state, km/h.")
+        float | None,
+        typer.Option(
+            "--line-speed",
+            parser=str,
+            callback=speed_kmh,
+            metavar="160",
+            help="Line speed that files do not state, km/h.",
+        ),
     ] = None
     spacing: Annotated[float | None, typer.Option(help="For files with heights only: sample spacing in --x-unit.")] = (
         None
@@ -264,6 +309,26 @@ def with_option_groups(*hidden: str) -> Callable[[Callable[..., Any]], Callable[
         return run
 
     return decorate
+
+
+def prints_results(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorate a command with tables and a parameter `json`: `--as` says what standard output holds of its results."""
+    signature = inspect.signature(command)
+    shown_as = inspect.Parameter("shown_as", inspect.Parameter.KEYWORD_ONLY, default="table", annotation=As)
+
+    @wraps(command)
+    def run(*, shown_as: str, **given: Any) -> Any:
+        if shown_as != "table" and given["json"] is not None:
+            raise InputError(f"--as {shown_as} and --json exclude each other", "give one of them")
+        if shown_as == "json":
+            given["json"] = "-"
+        result_stream.choose("json" if given["json"] == "-" else shown_as)
+        return command(**given)
+
+    keywords = [one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in signature.parameters.values()]
+    run.__signature__ = signature.replace(parameters=[*keywords, shown_as])  # type: ignore[attr-defined]
+    run.__annotations__ = {**get_type_hints(command, include_extras=True), "shown_as": As}
+    return run
 
 
 def _hidden(annotated: Any) -> Any:

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from weld_force_ros.cli import json_output
+from weld_force_ros.cli.options import in_existing_folder
 from weld_force_ros.errors import InputError, os_errors_as
 
 _TABLE = ".parquet"
@@ -13,9 +14,17 @@ _TABLE = ".parquet"
 
 def population(
     count: Annotated[int, typer.Argument(metavar="N", min=1, help="How many welds.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="A folder for profile files, or a .parquet file.")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", "-o", callback=in_existing_folder, help="A folder for profile files, or a .parquet file."
+        ),
+    ],
     seed: Annotated[int, typer.Option(min=0, help="Weld k of a seed is the same in a population of any size.")] = 1,
-    json: Annotated[str | None, typer.Option("--json", metavar="FILE|-", help="Say where they are as JSON.")] = None,
+    json: Annotated[
+        str | None,
+        typer.Option("--json", metavar="FILE|-", callback=in_existing_folder, help="Say where they are as JSON."),
+    ] = None,
 ) -> None:
     """Write seeded synthetic welds along a line: geometries of the population study, chainage, speed, position."""
     from weld_force_ros.campaign.synthetic_network import network
@@ -34,7 +43,7 @@ def population(
             _make_folder(out)
             for weld in welds:
                 write_profile(weld, out / f"{weld.weld_id}.csv")
-    terminal.say(f"written: {count} welds of seed {seed} to {out}")
+    terminal.say(f"written: {terminal.counted(count, 'weld')} of seed {seed} to {out}")
     with json_output.lines(json) as lines:
         json_output.write(lines, {"welds": count, "seed": seed, "out": str(out)})
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from weld_force_ros.cli import json_output
-from weld_force_ros.cli.options import BagPath, Json, group_with_default, ros_module, with_option_groups
+from weld_force_ros.cli.options import BagPath, Json, group_with_default, prints_results, ros_module, with_option_groups
 from weld_force_ros.cli.standard_error import note_old_spelling
 from weld_force_ros.errors import InputError
 
@@ -55,6 +55,7 @@ class Playback:
 
 
 @app.command("verdicts")
+@prints_results
 @with_option_groups("change", "playback")
 def show_again(
     bag: BagPath,
@@ -87,12 +88,14 @@ def show_again(
 
 
 @app.command()
+@prints_results
 def verify(bag: BagPath, json: Json = None) -> None:
     """Compute every force map and verdict again and compare; exit code 1 if anything differs."""
     _compute(bag, True, json)
 
 
 @app.command("what-if")
+@prints_results
 @with_option_groups()
 def what_if(bag: BagPath, change: Change, json: Json = None) -> None:
     """Compute a recording under other settings: which verdicts change."""
@@ -132,10 +135,10 @@ def _publish(bag: Path, given: Playback) -> None:
             bag,
             options,
             stop=stop,
-            report=terminal.say,
+            report=terminal.note,
             on_time=lambda at_s, duration_s: bar.update(task, completed=int(at_s), total=int(duration_s)),
         )
-    terminal.say(f"{bag}: {sent} messages played{', then stopped' if stop.is_set() else ''}")
+    terminal.say(f"{bag}: {terminal.counted(sent, 'message')} played{', then stopped' if stop.is_set() else ''}")
 
 
 def _opened(bag: Path) -> "Recording":
@@ -144,12 +147,12 @@ def _opened(bag: Path) -> "Recording":
 
     recording = open_recording(bag)
     if recording.damage:
-        terminal.say(f"{bag}: {recording.damage}; replaying what is there")
+        terminal.note(f"{bag}: {recording.damage}; replaying what is there")
     return recording
 
 
 def _compute(bag: Path, verify: bool, json: str | None) -> None:
-    from weld_force_ros.cli import terminal
+    from weld_force_ros.cli import terminal, verdict_tables
     from weld_force_ros.messages import Verdict
     from weld_force_ros.recording.replay import replay as replayed
 
@@ -163,7 +166,9 @@ def _compute(bag: Path, verify: bool, json: str | None) -> None:
             elif isinstance(result.computed, Verdict):
                 json_output.write(out, result.computed)
     if not verify:
-        terminal.show_verdicts([r.computed for r in results if isinstance(r.computed, Verdict)], recording.rejections)
+        verdict_tables.show_verdicts(
+            [r.computed for r in results if isinstance(r.computed, Verdict)], recording.rejections
+        )
         return
     if not results:
         raise InputError(f"{bag} holds no force map and no verdict to compare", "record with `weld-force up` or `demo`")
@@ -179,7 +184,7 @@ def _compute(bag: Path, verify: bool, json: str | None) -> None:
 
 
 def _what_if(bag: Path, given: Change, json: str | None) -> None:
-    from weld_force_ros.cli import terminal
+    from weld_force_ros.cli import terminal, verdict_tables
     from weld_force_ros.recording import what_if as computed_again
     from weld_force_ros.recording.what_if import Changed, NotComputed, latest_verdicts, read_change
 
@@ -188,7 +193,7 @@ def _what_if(bag: Path, given: Change, json: str | None) -> None:
     with json_output.lines(json) as out, terminal.progress() as bar:
         task = bar.add_task("replaying", total=len(latest_verdicts(recording)))
         for result in computed_again.what_if(
-            recording, change, on_result=lambda: bar.advance(task), on_fit=terminal.say
+            recording, change, on_result=lambda: bar.advance(task), on_fit=terminal.note
         ):
             match result:
                 case Changed():
@@ -198,7 +203,7 @@ def _what_if(bag: Path, given: Change, json: str | None) -> None:
                     not_computed.append(result)
                     json_output.write(out, result)
     options = " ".join(f"--{name} {value}" for name, value in vars(given).items() if value is not None)
-    terminal.show_changed(f"What if: {options}", changed)
+    verdict_tables.show_changed(f"What if: {options}", changed)
     for missing in not_computed:
         terminal.say(f"NOT COMPUTED {missing.weld_id}: {missing.reason}")
     terminal.say(

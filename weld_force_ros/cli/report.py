@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from weld_force_ros.cli.json_output import output_file
-from weld_force_ros.cli.options import Limits
+from weld_force_ros.cli.options import Limits, in_existing_folder
 from weld_force_ros.errors import InputError, WeldForceError
 
 if TYPE_CHECKING:
@@ -15,8 +15,10 @@ if TYPE_CHECKING:
     from weld_force_ros.recording.weld_records import Grind, Record, WeldRecord
 
 Of = Annotated[Path, typer.Argument(metavar="BAG|MAP", help="A bag, or force maps of `simulate --json FILE`.")]
-Out = Annotated[Path, typer.Option("--out", "-o", help="The page (HTML).")]
-Pdf = Annotated[Path | None, typer.Option(help="Also print it, by a Chromium that is installed.")]
+Out = Annotated[Path, typer.Option("--out", "-o", callback=in_existing_folder, help="The page (HTML).")]
+Pdf = Annotated[
+    Path | None, typer.Option(callback=in_existing_folder, help="Also print it, by a Chromium that is installed.")
+]
 Words = Annotated[Path | None, typer.Option(metavar="FILE.json", help="The words in another language: docs/report.md.")]
 Grinding = Annotated[bool, typer.Option("--grinding", help="Search for the minimum grinding of what is not accepted.")]
 
@@ -44,9 +46,9 @@ def report(
     html = page(made)
     with output_file(out) as file:
         file.write(html)
-    terminal.say(f"written: {out}, {len(entries)} welds, {len(html.encode()) / 1e6:.1f} MB")
+    terminal.say(f"written: {out}, {terminal.counted(len(entries), 'weld')}, {len(html.encode()) / 1e6:.1f} MB")
     if pdf is not None:
-        with terminal.console.status("printing"):
+        with terminal.notes.status("printing"):
             print_pdf(paper(made), pdf)
         terminal.say(f"written: {pdf}")
 
@@ -61,9 +63,9 @@ def _entries(of: Path, limits: "AssessmentSettings | None") -> "list[Record]":
         return weld_records.records_of_maps(weld_records.read_maps(of), limits or load_limits())
     recording = open_recording(of)
     if recording.damage:
-        terminal.say(f"{of}: {recording.damage}; reporting what is there")
+        terminal.note(f"{of}: {recording.damage}; reporting what is there")
     for unreadable in recording.unreadable:
-        terminal.say(f"{of}: left out: {unreadable}")
+        terminal.note(f"{of}: left out: {unreadable}")
     entries = weld_records.records_of_recording(recording, limits, load_limits())
     if not entries:
         raise InputError(f"{of} holds no verdict, force map or rejection", "record with `weld-force up` or `demo`")
@@ -75,7 +77,7 @@ def _with_grinding(entries: "list[Record]", on_done: Callable[[], None]) -> "lis
     from weld_force_ros.recording import weld_records
 
     def failed(weld: "WeldRecord", error: WeldForceError) -> None:
-        terminal.say(f"no advice on grinding {weld.verdict.weld_id}: {error}")
+        terminal.note(f"no advice on grinding {weld.verdict.weld_id}: {error}")
 
     return list(weld_records.with_grinding(entries, _grind(), on_done=on_done, on_failed=failed))
 
@@ -90,7 +92,7 @@ def _grind() -> "Grind":
     def grind(profile: "WeldProfile", settings: "SimulationSettings", limits: "AssessmentSettings") -> "GrindingAdvice":
         key = (settings.config_sha256, limits.limits_sha256)
         if key not in advisers:
-            advisers[key] = Adviser(settings, limits, on_fit=terminal.say)
+            advisers[key] = Adviser(settings, limits, on_fit=terminal.note)
         return advisers[key].advise(profile)
 
     return grind

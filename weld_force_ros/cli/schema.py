@@ -8,11 +8,16 @@ import msgspec
 import typer
 
 from weld_force_ros.cli.json_output import output_file
+from weld_force_ros.cli.options import in_existing_folder
 
 
 def schema(
-    write: Annotated[Path | None, typer.Option(help="Folder to write one JSON Schema a message to.")] = None,
-    config: Annotated[Path | None, typer.Option(help="Folder for the parameter file and its schema.")] = None,
+    write: Annotated[
+        Path | None, typer.Option(callback=in_existing_folder, help="Folder to write one JSON Schema a message to.")
+    ] = None,
+    config: Annotated[
+        Path | None, typer.Option(callback=in_existing_folder, help="Folder for the parameter file and its schema.")
+    ] = None,
 ) -> None:
     """Write the messages' JSON Schemas to standard output or a folder; also the parameter file and its schema."""
     from weld_force_ros.messages import SCHEMAS, json_schema
@@ -33,5 +38,6 @@ def _indented(content: dict[str, Any]) -> str:
 
 
 def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(exist_ok=True)
     with output_file(path) as file:
         file.write(text)

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from weld_force_ros.cli import json_output
-from weld_force_ros.cli.options import BagPath, Json
+from weld_force_ros.cli import json_output, result_stream
+from weld_force_ros.cli.options import BagPath, Json, prints_results
+from weld_force_ros.cli.quantities import speed_kmh
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,16 +23,35 @@ _WIDTH = 80
 _MOST_NAMES = 10
 _SHOWN_AS = {"N": (1e-3, "kN", ".0f"), "m": (1e3, "mm", ".3g"), "s": (1e3, "ms", ".3g"), "1": (1.0, "", ".3g")}
 
+
+def restriction_kmh(option: typer.CallbackParam, given: str | None) -> float | None:
+    """Return the speed of a restriction.
+
+    Raises:
+        InputError: not that of a train.
+    """
+    value = speed_kmh(option, given)
+    if value is not None and not 1 <= value <= 1000:
+        raise InputError(f"--restrict {given}: no speed of a train", "give 1 to 1000 km/h")
+    return value
+
+
 Named = Annotated[str | None, typer.Argument(metavar="[WELD]", help="Only this weld (default: all, then the worst).")]
 Restrict = Annotated[
     float | None,
-    typer.Option(metavar="KMH", min=1.0, max=1000.0, help="Also say what running at most at so many km/h would do."),
+    typer.Option(
+        metavar="KMH",
+        parser=str,
+        callback=restriction_kmh,
+        help="Also say what running at most at so many km/h would do.",
+    ),
 ]
 
 
+@prints_results
 def show(bag: BagPath, weld: Named = None, restrict: Restrict = None, json: Json = None) -> None:
     """Show the welds of a recording, the worst first; of one weld its force over speed, criteria and advice."""
-    from weld_force_ros.cli import terminal
+    from weld_force_ros.cli import terminal, verdict_tables
     from weld_force_ros.recording.weld_records import WeldRecord
 
     entries = sorted(_read(bag), key=_severity)
@@ -41,8 +61,8 @@ def show(bag: BagPath, weld: Named = None, restrict: Restrict = None, json: Json
     with json_output.lines(json) as out:
         for one in welds:
             json_output.write(out, one.verdict if restrict is None else _restricted_line(one, restrict))
-    if weld is None and any(terminal.has_answers(one.verdict) for one in welds):
-        terminal.show_answers(f"Welds of {bag}, the worst first", [_message(entry) for entry in entries])
+    if weld is None and any(verdict_tables.has_answers(one.verdict) for one in welds):
+        verdict_tables.show_answers(f"Welds of {bag}, the worst first", [_message(entry) for entry in entries])
         if restrict is not None:
             for one in welds:
                 terminal.say_wrapped(
@@ -55,7 +75,7 @@ def show(bag: BagPath, weld: Named = None, restrict: Restrict = None, json: Json
             [("decision", ""), ("weld", ""), ("worst criterion", ""), ("up to km/h", "right"), (last, "")],
             _front_rows(entries, restrict),
         )
-    if welds:
+    if welds and (weld is not None or result_stream.form() != "csv"):
         _show_one(welds[0], restrict)
 
 
@@ -73,9 +93,9 @@ def _read(bag: Path) -> "list[Record]":
 
     recording = open_recording(bag)
     if recording.damage:
-        terminal.say(f"{bag}: {recording.damage}; showing what is there")
+        terminal.note(f"{bag}: {recording.damage}; showing what is there")
     for unreadable in recording.unreadable:
-        terminal.say(f"{bag}: left out: {unreadable}")
+        terminal.note(f"{bag}: left out: {unreadable}")
     entries = records_of_recording(recording, None, load_limits())
     if not entries:
         raise InputError(f"{bag} holds no verdict, force map or rejection", "record with `weld-force up` or `demo`")
@@ -103,7 +123,7 @@ def _severity(entry: "Record") -> tuple[int, float]:
 
 def _front_rows(entries: "Sequence[Record]", restrict: float | None) -> "Iterator[tuple[str | Text, ...]]":
     from weld_force_ros.assessment.limits import worst
-    from weld_force_ros.cli import terminal
+    from weld_force_ros.cli import verdict_tables
     from weld_force_ros.recording.weld_records import WeldRecord
     from weld_force_ros.report.table_row import row
 
@@ -111,11 +131,11 @@ def _front_rows(entries: "Sequence[Record]", restrict: float | None) -> "Iterato
         about = row(number, entry)
         advice = str(about["advice"])
         if not isinstance(entry, WeldRecord):
-            yield terminal.unreadable(), str(about["weld"]), "", "", advice
+            yield verdict_tables.unreadable(), str(about["weld"]), "", "", advice
             continue
         verdict, permitted = entry.verdict, about.get("permitted_kmh")
         yield (
-            terminal.decision(verdict.decision),
+            verdict_tables.decision(verdict.decision),
             verdict.weld_id,
             _compared_with_limit(worst(verdict.criteria)),
             "?" if permitted is None else f"{permitted:g}" if permitted else "none",
@@ -174,19 +194,20 @@ def _restricted_line(weld: "WeldRecord", kmh: float) -> dict[str, object]:
 def _show_one(weld: "WeldRecord", restrict: float | None) -> None:
     from rich.text import Text
 
-    from weld_force_ros.cli import terminal
+    from weld_force_ros.cli import terminal, verdict_tables
     from weld_force_ros.report.terminal_plot import curve_plot
 
-    verdict, console = weld.verdict, terminal.console
-    console.print()
-    console.print(Text.assemble(terminal.decision(verdict.decision), " ", terminal.plain(verdict.weld_id)))
-    for words in terminal.answers_in_words(verdict) or [verdict.reason]:
+    verdict = weld.verdict
+    terminal.say("")
+    terminal.show(Text.assemble(verdict_tables.decision(verdict.decision), " ", terminal.plain(verdict.weld_id)))
+    for words in verdict_tables.answers_in_words(verdict) or [verdict.reason]:
         terminal.say_wrapped(words)
     if weld.force_map is None:
         terminal.say("no curve: its force map is not in the recording")
     else:
-        unicode = console.encoding.startswith("utf")
-        terminal.say(curve_plot(weld.force_map, verdict, width=min(console.width, _WIDTH), unicode=unicode))
+        terminal.say(
+            curve_plot(weld.force_map, verdict, width=min(terminal.width(), _WIDTH), unicode=terminal.can_draw())
+        )
     _show_criteria(verdict.criteria)
     for line in (*verdict.advice, *(f"not judged, as it was not computed: {name}" for name in verdict.unjudged)):
         terminal.say_wrapped(f"- {line}")
@@ -198,8 +219,8 @@ def _show_criteria(criteria: "Sequence[Criterion]") -> None:
     from weld_force_ros.cli import terminal
 
     columns = {
-        "criterion": "", "value": "whole right", "limit": "right", "reject\nabove": "right", "at\nkm/h": "right",
-        "running": "whole", "": "", "prob. of\nexceeding": "right",
+        "criterion": "", "value": "whole right", "limit": "right", "reject above": "right", "at km/h": "right",
+        "running": "whole", "": "", "prob. of exceeding": "right",
     }  # fmt: skip
     rows = [dict(zip(columns, _criterion_row(c), strict=True)) for c in criteria]
     shown = {heading: how for heading, how in columns.items() if not heading or any(row[heading] for row in rows)}

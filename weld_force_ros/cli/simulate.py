@@ -13,8 +13,10 @@ from weld_force_ros.cli.options import (
     Profiles,
     SimulationOptions,
     UncertaintyOptions,
+    prints_results,
     with_option_groups,
 )
+from weld_force_ros.cli.site import with_site
 from weld_force_ros.cli.standard_error import report_problem
 from weld_force_ros.errors import InputError
 
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
     from weld_force_ros.messages import ForceMap
 
 
+@prints_results
+@with_site
 @with_option_groups()
 def simulate(
     profiles: Profiles,
@@ -33,12 +37,12 @@ def simulate(
 ) -> None:
     """Compute the peak force of measured welds at every speed and position."""
     from weld_force_ros.assessment.judge import deciding_history
-    from weld_force_ros.cli import terminal
+    from weld_force_ros.cli import terminal, verdict_tables
     from weld_force_ros.measurement.profile_file import find, read_profiles
     from weld_force_ros.simulation.simulator import Simulator
 
     settings = simulation.settings(uncertainty.uncertainty_of_settings())
-    simulator, form = Simulator(settings, on_fit=terminal.say), measurement.form()
+    simulator, form = Simulator(settings, on_fit=terminal.note), measurement.form()
     maps: list[ForceMap] = []
     unreadable = 0
     with json_output.lines(json) as out, terminal.progress() as bar:
@@ -65,6 +69,6 @@ def simulate(
                     history = deciding_history(weld, simulator, force_map)
                     figures.save(figures.one_weld(weld, force_map, history), picture)
     if maps:
-        terminal.show_maps(maps)
+        verdict_tables.show_maps(maps)
     if unreadable:
         raise typer.Exit(2)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from weld_force_ros.cli import json_output
-from weld_force_ros.cli.options import Json
+from weld_force_ros.cli.options import Json, in_existing_folder, prints_results
 
 if TYPE_CHECKING:
     from weld_force_ros.studies.gallery import RenderedStudy
@@ -18,7 +18,10 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-Out = Annotated[Path, typer.Option(help="Folder for figures, data, and what a second run need not compute.")]
+Out = Annotated[
+    Path,
+    typer.Option(callback=in_existing_folder, help="Folder for figures, data, and what a second run need not compute."),
+]
 Profile = Annotated[Path | None, typer.Option(help="A weld of your own in place of the paper's.")]
 OwnTrack = Annotated[str | None, typer.Option("--track", help="Instead of the paper's: a bundled track, or a file.")]
 Quick = Annotated[bool, typer.Option("--quick", help="A third of the speeds and positions, to see whether it works.")]
@@ -47,7 +50,7 @@ def _study(name: str) -> Callable[..., None]:
 
         weld = None if profile is None else profile_file.read_profile(profile)
         context = study_context.StudyContext(own_weld=weld, own_track=track, coarse=quick)
-        with terminal.console.status(f"study {name}"):
+        with terminal.notes.status(f"study {name}"):
             studied = paper_studies.run_one(name, context, out)
         with json_output.lines(json) as lines:
             json_output.write(lines, studied.measured)
@@ -58,10 +61,11 @@ def _study(name: str) -> Callable[..., None]:
 
 
 for _name in _SUMMARIES:
-    app.command(_name)(_study(_name))
+    app.command(_name)(prints_results(_study(_name)))
 
 
 @app.command("all")
+@prints_results
 def study_all(out: Out, quick: Quick = False, json: Json = None) -> None:
     """Run every study of the paper, evaluate its claims one by one (claims.json), and put all figures on one page."""
     from weld_force_ros.cli import terminal
@@ -86,6 +90,7 @@ def study_all(out: Out, quick: Quick = False, json: Json = None) -> None:
 
 
 @app.command("engines")
+@prints_results
 def study_engines(
     out: Out,
     quick: Annotated[bool, typer.Option("--quick", help="A small grid, to see whether it works.")] = False,
@@ -100,7 +105,7 @@ def study_engines(
             out,
             quick=quick,
             start_progress=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
-            on_fit=terminal.say,
+            on_fit=terminal.note,
         )
     with json_output.lines(json) as lines:
         for outcome in found.outcomes:
@@ -112,6 +117,7 @@ def study_engines(
 
 
 @app.command("rail")
+@prints_results
 def study_rail(
     out: Out,
     track: Annotated[str, typer.Option("--track", help="A bundled track, or a file.")] = "bilbao",
@@ -130,7 +136,7 @@ def study_rail(
             section,
             coarse=quick,
             start_progress=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
-            on_fit=terminal.say,
+            on_fit=terminal.note,
         )
     rendered = gallery.write_alone(found, out, "One track with either rail.")
     with json_output.lines(json) as lines:
@@ -141,6 +147,7 @@ def study_rail(
 
 
 @app.command("support")
+@prints_results
 def study_support(out: Out, quick: Quick = False, json: Json = None) -> None:
     """Show what hanging sleepers do to the peak force on two tracks, and sleepers that bend (a minute)."""
     from weld_force_ros.cli import terminal
@@ -151,7 +158,7 @@ def study_support(out: Out, quick: Quick = False, json: Json = None) -> None:
         found = support_study.run(
             coarse=quick,
             start_progress=lambda name, steps: partial(bar.advance, bar.add_task(name, total=steps)),
-            on_fit=terminal.say,
+            on_fit=terminal.note,
         )
     rendered = gallery.write_alone(
         found, out, "A sleeper that hangs has 2 % of the track's stiffness and damping beneath it."
@@ -164,6 +171,7 @@ def study_support(out: Out, quick: Quick = False, json: Json = None) -> None:
 
 
 @app.command("infer")
+@prints_results
 def study_infer(
     out: Out,
     weld: Annotated[int | None, typer.Option(min=1, max=5, help="One of the paper's welds; all, if not given.")] = None,
@@ -203,6 +211,7 @@ def study_infer(
 
 
 @app.command("variants")
+@prints_results
 def study_variants(out: Out, quick: Quick = False, json: Json = None) -> None:
     """Evaluate the claims of exact geometry with the paper's fit and a fitted continuous track, too (some minutes)."""
     from weld_force_ros.cli import terminal
@@ -238,4 +247,4 @@ def _say_where(rendered: "list[RenderedStudy]", out: Path) -> None:
 
     figures = sum(len(study.pictures) for study in rendered)
     tables = sum(len(study.tables) for study in rendered)
-    terminal.say(f"{out}: {figures} figures (PNG, SVG), {tables} tables (CSV)")
+    terminal.say(f"{out}: {terminal.counted(figures, 'figure')} (PNG, SVG), {terminal.counted(tables, 'table')} (CSV)")

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, cast, get_args
 import typer
 
 from weld_force_ros.cli import json_output
-from weld_force_ros.cli.options import Json
+from weld_force_ros.cli.options import Json, in_existing_folder, prints_results
+from weld_force_ros.cli.quantities import length_m, mass_kg
 from weld_force_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,21 +37,30 @@ _TWIN_HZ = (5.0, 40.0, 100.0, 300.0, 1200.0, 2501.0)
 
 
 @app.command()
+@prints_results
 def identify(
     file: Annotated[Path, typer.Argument(help="Measured receptance, mobility or accelerance (CSV, see the README).")],
     like: Annotated[
         str, typer.Option(help="Track, bundled or a file, whose rail, spacing, sleeper and wheel these are.")
     ] = "bilbao-viscous",
     rail: Annotated[str | None, typer.Option(help="Another rail section: 54E1.")] = None,
-    spacing: Annotated[float | None, typer.Option(help="Another spacing of the sleepers, m.")] = None,
-    half_sleeper_mass: Annotated[float | None, typer.Option(help="Another mass of half a sleeper, kg.")] = None,
+    spacing: Annotated[
+        float | None,
+        typer.Option(parser=str, callback=length_m, metavar="600mm", help="Another spacing of the sleepers."),
+    ] = None,
+    half_sleeper_mass: Annotated[
+        float | None,
+        typer.Option(parser=str, callback=mass_kg, metavar="150kg", help="Another mass of half a sleeper."),
+    ] = None,
     find_sleeper_mass: Annotated[
         bool, typer.Option("--find-sleeper-mass", help="Find the sleeper's mass, too.")
     ] = False,
     damping: Annotated[str, typer.Option(metavar="dashpot|loss-factor", help="Of pads and ballast.")] = "dashpot",
     band: Annotated[str, typer.Option(metavar="FROM:TO", help="Frequencies to use, Hz.")] = "30:1500",
-    out: Annotated[Path | None, typer.Option(help="Track file (YAML) to write.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Picture of both receptances: .png, .svg or .pdf.")] = None,
+    out: Annotated[Path | None, typer.Option(callback=in_existing_folder, help="Track file (YAML) to write.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(callback=in_existing_folder, help="Picture of both receptances: .png, .svg or .pdf.")
+    ] = None,
     json: Json = None,
 ) -> None:
     """Identify pads and ballast of a track from its measured receptance, as hammer tests give it."""
@@ -69,7 +79,7 @@ def identify(
     mass_kg = _mass(base, like) if half_sleeper_mass is None else half_sleeper_mass
     if not 5.0 < mass_kg < 1000.0:
         raise InputError(f"--half-sleeper-mass {mass_kg:g}", "give 5 to 1000 kg")
-    with terminal.console.status("identifying"):
+    with terminal.notes.status("identifying"):
         found = identification.identify(
             used, base.definition.track.rail, base.definition.track.spacing_m,
             half_sleeper_kg=mass_kg, find_sleeper=find_sleeper_mass,
@@ -96,13 +106,14 @@ def identify(
 
 
 @app.command()
+@prints_results
 def causal(
     track: Annotated[str, typer.Argument(help="Track with loss factors: bundled, or a file.")],
     at: Annotated[
         float,
         typer.Option(metavar="HZ", help="Where the springs' stiffness stays what it is; 0: under a resting load."),
     ] = 0.0,
-    out: Annotated[Path | None, typer.Option(help="Track file (YAML) to write.")] = None,
+    out: Annotated[Path | None, typer.Option(callback=in_existing_folder, help="Track file (YAML) to write.")] = None,
     json: Json = None,
 ) -> None:
     """Find the causal track nearest to one with loss factors, which no model in time can have as it is."""
@@ -121,7 +132,7 @@ def causal(
         raise InputError(f"track {track} is causal already", "use it as it is")
     if isinstance(definition.track.rail, StripRail):
         raise InputError(f"track {track}: its rail is no beam", "write `model: timoshenko`, and find the twin of that")
-    with terminal.console.status("searching"):
+    with terminal.notes.status("searching"):
         twin = causal_twin(definition.track, definition.wheel.compliance, at_hz=at)
     with json_output.lines(json) as target:
         json_output.write(target, _twin_content(track, at, twin))

@@ -25,7 +25,7 @@ from weld_force_ros.recording.recording import Recording, open_recording
 from weld_force_ros.recording.recovery import RecoveryReport, recover
 from weld_force_ros.recording.rosbag2_format import STRING, MessageDefinition, offered_qos, string_cdr
 from weld_force_ros.recording.table_export import FORMATS, export_tables
-from weld_force_ros.recording.timeline import GAP_NS, Gap, Timeline, gap_in_words, utc
+from weld_force_ros.recording.timeline import GAP_NS, Gap, Timeline, gap_in_words, local_time
 
 __all__ = [
     "FORMATS",
@@ -51,6 +51,7 @@ __all__ = [
     "export_tables",
     "gap_in_words",
     "is_recording_file",
+    "local_time",
     "offered_qos",
     "open_bag",
     "open_recording",
@@ -58,5 +59,4 @@ __all__ = [
     "stored",
     "string_cdr",
     "summary",
-    "utc",
 ]

@@ -3,7 +3,6 @@
 The operating system keeps the lock, so that it ends with its process, however that ends.
 """
 
-import fcntl
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -55,8 +54,12 @@ def lock_folder(directory: Path, say: Callable[[str], None]) -> int:
         say: called with who is waited for, if that process is stopping.
 
     Raises:
-        BagError: something else has this name, or another process holds it and is not stopping.
+        BagError: something else has this name, another process holds it and is not stopping, or this is Windows.
     """
+    try:
+        import fcntl
+    except ImportError:
+        raise BagError(f"{directory}: Windows cannot record", "record on Linux; this machine reads it") from None
     if directory.exists() and not directory.is_dir():
         raise refusal_to_overwrite(directory)
     if not directory.exists():

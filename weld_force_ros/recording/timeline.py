@@ -59,9 +59,9 @@ def gap_in_words(gap: Gap) -> str:
     """Return a sentence that says when a gap was and how long."""
     days = gap.duration_ns / GAP_NS
     length = f"{days / 365.25:.1f} years" if days > 365.25 else f"{days:.1f} days"
-    return f"gap of {length}, not counted: {utc(gap.start_ns)} to {utc(gap.end_ns)} (was the clock set?)"
+    return f"gap of {length}, not counted: {local_time(gap.start_ns)} to {local_time(gap.end_ns)} (was the clock set?)"
 
 
-def utc(log_time_ns: int) -> str:
-    """Return a log time as date and time in UTC."""
-    return datetime.fromtimestamp(log_time_ns // 10**9, UTC).strftime("%Y-%m-%d %H:%M:%S")
+def local_time(log_time_ns: int) -> str:
+    """Return a log time as date and time of this machine's zone, which is named."""
+    return datetime.fromtimestamp(log_time_ns // 10**9, UTC).astimezone().strftime("%Y-%m-%d %H:%M:%S %Z")

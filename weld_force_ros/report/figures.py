@@ -10,7 +10,7 @@ from weld_force_ros.assessment.grinding_spots import ends_in_words
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import ForceHistory, ForceMap, GrindingAdvice, WeldProfile, known
 from weld_force_ros.physics.analysis.geometry import inclinations
-from weld_force_ros.simulation.force_map_view import worse_passages
+from weld_force_ros.simulation.force_map_view import relevant_range, worse_passages
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,8 +30,40 @@ def new_figure(width_in: float, height_in: float) -> "Figure":
     try:
         from matplotlib.figure import Figure
     except ImportError:
-        raise InputError("pictures need matplotlib", "install it with `pip install 'weld_force_ros[report]'`") from None
+        raise _missing() from None
     return Figure(figsize=(width_in, height_in), layout="constrained")
+
+
+def current_axes() -> "Axes":
+    """Return the axes that pyplot draws to, new ones if there are none.
+
+    Raises:
+        InputError: matplotlib is not installed.
+    """
+    axes: Axes = _pyplot().gca()
+    return axes
+
+
+def next_figure(width_in: float, height_in: float) -> "Figure":
+    """Return a new figure of pyplot, which notebooks show and `pyplot.show()` opens.
+
+    Raises:
+        InputError: matplotlib is not installed.
+    """
+    figure: Figure = _pyplot().figure(figsize=(width_in, height_in), layout="constrained")
+    return figure
+
+
+def _pyplot() -> Any:
+    try:
+        from matplotlib import pyplot
+    except ImportError:
+        raise _missing() from None
+    return pyplot
+
+
+def _missing() -> InputError:
+    return InputError("pictures need matplotlib", "install it with `pip install 'weld_force_ros[report]'`")
 
 
 def as_text(name: str) -> str:
@@ -48,7 +80,6 @@ def save(figure: "Figure", path: Path) -> None:
         InputError: the file cannot be written or the ending is unknown.
     """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=150)
     except (OSError, ValueError) as error:
         raise InputError(f"picture {path}: {error}", "name a .png, .svg or .pdf file in a writable folder") from None
@@ -62,7 +93,7 @@ def compare_maps(rows: Sequence[tuple[WeldProfile, ForceMap]]) -> "Figure":
     lowest = min(worse_passages(m).peak_force_n.min() for _, m in rows) / 1e3
     image: Any = None
     for (profile, force_map), (above, below) in zip(rows, axes.T, strict=True):
-        _draw_profile(above, profile)
+        draw_profile(above, profile)
         image = _draw_map(below, force_map, lowest, highest)
         above.set_title(as_text(profile.weld_id), fontweight="bold")
     figure.colorbar(image, ax=axes[1, :], label="peak force, kN", shrink=0.95)
@@ -73,7 +104,7 @@ def one_weld(profile: WeldProfile, force_map: ForceMap, history: ForceHistory) -
     """Draw a weld on one page: profile, force map, force against speed, and the worst passage."""
     figure = new_figure(11, 7.6)
     (top_left, top_right), (bottom_left, bottom_right) = figure.subplots(2, 2)
-    _draw_profile(top_left, profile)
+    draw_profile(top_left, profile)
     peaks = worse_passages(force_map).peak_force_n / 1e3
     image = _draw_map(top_right, force_map, peaks.min(), peaks.max())
     figure.colorbar(image, ax=top_right, label="peak force, kN")
@@ -83,9 +114,14 @@ def one_weld(profile: WeldProfile, force_map: ForceMap, history: ForceHistory) -
     return figure
 
 
-def grinding(advice: GrindingAdvice) -> "Figure":
-    """Draw where metal comes off a weld, its quality index along the rail and the worst force, before and after."""
-    figure = new_figure(11, 6.4)
+def grinding(advice: GrindingAdvice, figure: "Figure | None" = None) -> "Figure":
+    """Draw where metal comes off a weld, its quality index along the rail and the worst force, before and after.
+
+    Args:
+        advice: to draw.
+        figure: an empty one to draw in; a new one if not given.
+    """
+    figure = figure or new_figure(11, 6.4)
     grid = figure.add_gridspec(2, 2, width_ratios=[1.25, 1], height_ratios=[1.7, 1])
     rail, index, force = (figure.add_subplot(cell) for cell in (grid[0, 0], grid[1, 0], grid[:, 1]))
     _draw_spots(rail, advice)
@@ -148,7 +184,8 @@ def _draw_forces(axes: "Axes", advice: GrindingAdvice) -> None:
     axes.set(xlabel="speed, km/h", ylabel="peak force at the worst position, kN")
 
 
-def _draw_profile(axes: "Axes", profile: WeldProfile) -> None:
+def draw_profile(axes: "Axes", profile: WeldProfile) -> None:
+    """Draw the rail over a weld on axes, and the measured samples where the file has them."""
     axes.axhline(0, color=GREY, linewidth=0.6)
     measured_x, measured_z = known(profile.measured_x_m), known(profile.measured_z_m)
     if measured_x is not None and measured_z is not None:
@@ -173,10 +210,15 @@ def _draw_map(axes: "Axes", force_map: ForceMap, lowest_kn: float, highest_kn: f
     for sleeper in (0.0, force_map.span_m):
         if edges[0] <= sleeper <= edges[-1]:
             axes.axvline(sleeper * 100, color="white", linestyle="--", linewidth=1.2)
-    row, column = np.unravel_index(np.argmax(peaks), peaks.shape)
-    axes.plot(positions[column] * 100, speeds[row], marker="o", markersize=9, color=RED, markeredgecolor="white")
+    if isinstance(force_map.line_speed_kmh, float):
+        axes.axhline(force_map.line_speed_kmh, color="white", linewidth=1.2)
+    relevant = relevant_range(force_map)
+    row, column = relevant.peak_index
+    worst = (relevant.positions_m[column] * 100, relevant.speeds_kmh[row])
+    peak_kn = relevant.passages.peak_force_n[row, column] / 1e3
+    axes.plot(*worst, marker="o", markersize=9, color=RED, markeredgecolor="white")
     axes.annotate(
-        f"{peaks.max():.0f} kN", (positions[column] * 100, speeds[row]), xytext=(0, -16), textcoords="offset points",
+        f"{peak_kn:.0f} kN", worst, xytext=(0, -16), textcoords="offset points",
         color="black", ha="center", va="center", fontsize=9,
         bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "alpha": 0.85, "linewidth": 0},
         annotation_clip=False,
@@ -196,10 +238,13 @@ def _draw_curve(axes: "Axes", force_map: ForceMap) -> None:
     peaks = worse_passages(force_map).peak_force_n / 1e3
     speeds = force_map.speeds_kmh
     axes.fill_between(speeds, peaks.min(axis=1), peaks.max(axis=1), color=ORANGE, alpha=0.35, label="all positions")
-    column = int(np.argmax(peaks.max(axis=0)))
+    relevant = relevant_range(force_map)
+    column = force_map.positions_m.index(relevant.positions_m[relevant.peak_index[1]])
     label = f"weld {force_map.positions_m[column] * 100:.0f} cm after the sleeper (worst)"
     axes.plot(speeds, peaks[:, column], color=RED, label=label)
     axes.axhline(force_map.static_load_n / 1e3, color=GREY, linestyle=":", label="static load")
+    if isinstance(force_map.line_speed_kmh, float):
+        axes.axvline(force_map.line_speed_kmh, color=GREY, linewidth=0.8, label="line speed")
     axes.set(xlabel="speed, km/h", ylabel="peak force, kN")
     axes.legend(fontsize=8)
 

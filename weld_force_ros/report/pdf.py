@@ -34,7 +34,6 @@ def print_pdf(html: str, pdf: Path) -> None:
     if browser is None:
         raise InputError(f"no Chromium was found to print {pdf}", f"install one, or name it in {BROWSER_VARIABLE}")
     try:
-        pdf.parent.mkdir(parents=True, exist_ok=True)
         pdf.unlink(missing_ok=True)
         last_words = _print(browser, html, pdf)
     except subprocess.TimeoutExpired:
