@@ -30,12 +30,9 @@ def take(browser: Any, file: Path, out: Path) -> None:
 
 
 def open_weld(page: Any) -> None:
-    """Open the weld and wait for its charts."""
+    """Open the weld and wait for its figures."""
     page.get_by_role("link", name=WELD).click()
-    page.wait_for_selector("#weld .chart .main-svg")
-    while page.locator("#weld .chart:not(:has(.main-svg))").count():
-        page.wait_for_timeout(50)
-    page.wait_for_timeout(300)
+    page.wait_for_selector("#weld article svg.figure")
 
 
 CAMPAIGN = """
@@ -60,7 +57,6 @@ def take_campaign(browser: Any, folder: Path, out: Path) -> None:
         sys.exit("the campaign did not run")
     page = browser.new_page(viewport={"width": 1280, "height": 860})
     page.goto((folder / "network-results" / "summary.html").as_uri())
-    page.wait_for_timeout(3000)
     page.screenshot(
         path=out / "network-summary.png", clip={"x": 0, "y": 0, "width": 1280, "height": 1500}, full_page=True
     )

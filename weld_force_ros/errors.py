@@ -14,6 +14,14 @@ class WeldForceError(Exception):
     Attributes:
         reason: what is wrong and where.
         remedy: what the user can do about it; empty where nothing is known.
+
+    Examples:
+        >>> import weld_force_ros as wf
+        >>> try:
+        ...     wf.Profile([0.0, 1.0], [0.0, 0.0], weld_id="short")
+        ... except wf.WeldForceError as error:
+        ...     print(error)
+        short: 2 samples, 20 are needed; give the whole weld, at a spacing of 10 mm or finer
     """
 
     def __init__(self, reason: str, remedy: str = "") -> None:
@@ -26,18 +34,42 @@ class WeldForceError(Exception):
 
 
 class InputError(WeldForceError):
-    """An input (profile, track, option, message, bag) that cannot be used as it stands; there is always a remedy."""
+    """An input (profile, track, option, message, bag) that cannot be used as it stands; there is always a remedy.
+
+    Examples:
+        >>> import weld_force_ros as wf
+        >>> try:
+        ...     wf.Vehicle("coach")
+        ... except wf.InputError as error:
+        ...     print(error.reason)
+        vehicle 'coach' is unknown
+    """
 
     def __init__(self, reason: str, remedy: str) -> None:
         super().__init__(reason, remedy)
 
 
 class ProfileError(InputError):
-    """A weld profile that cannot be used."""
+    """A weld profile that cannot be used.
+
+    Examples:
+        >>> import weld_force_ros as wf
+        >>> issubclass(wf.ProfileError, wf.InputError)
+        True
+    """
 
 
 class TrackError(InputError):
-    """A track description that cannot be used."""
+    """A track description that cannot be used.
+
+    Examples:
+        >>> import weld_force_ros as wf
+        >>> try:
+        ...     wf.Track("nowhere")
+        ... except wf.TrackError as error:
+        ...     print(error.reason)
+        no track 'nowhere'
+    """
 
 
 class MessageError(InputError):
@@ -45,7 +77,16 @@ class MessageError(InputError):
 
 
 class BagError(InputError):
-    """A recording that cannot be read or written."""
+    """A recording that cannot be read or written.
+
+    Examples:
+        >>> import weld_force_ros as wf
+        >>> try:
+        ...     wf.Recording("/nowhere")
+        ... except wf.BagError as error:
+        ...     print(error.reason)
+        /nowhere does not exist
+    """
 
 
 class DiskFullError(BagError):
@@ -53,7 +94,13 @@ class DiskFullError(BagError):
 
 
 class NumericalError(WeldForceError):
-    """A computation that did not yield a usable number."""
+    """A computation that did not yield a usable number.
+
+    Examples:
+        >>> import weld_force_ros as wf
+        >>> issubclass(wf.NumericalError, wf.WeldForceError)
+        True
+    """
 
 
 @contextmanager

@@ -2,12 +2,13 @@ import pytest
 from msgspec import UNSET
 from msgspec.structs import replace as changed
 
-from weld_force_ros import shipped_profile, simulation_settings
 from weld_force_ros.assessment import hanging
 from weld_force_ros.assessment.hanging import UNKNOWN, HangingSleepers, hanging_in_words, support_sentences
 from weld_force_ros.assessment.judge import assess
 from weld_force_ros.assessment.rule_books import load_limits
+from weld_force_ros.measurement.profile_file import shipped_profile
 from weld_force_ros.messages import WeldProfile, parse_support
+from weld_force_ros.simulation.settings import simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
 
 

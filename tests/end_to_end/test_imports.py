@@ -11,8 +11,8 @@ ROOT = Path(__file__).parents[2]
 BLOCKED = """
 import sys
 OPTIONAL = {
-    "rclpy", "std_msgs", "matplotlib", "plotly", "dask", "distributed", "zarr", "xarray", "duckdb", "pymoo", "pyarrow",
-    "watchfiles",
+    "rclpy", "std_msgs", "matplotlib", "jinja2", "dask", "distributed", "zarr", "xarray", "pandas", "duckdb", "pymoo",
+    "pyarrow", "watchfiles",
 }
 class Blocker:
     def find_spec(self, name, path=None, target=None):
@@ -53,6 +53,25 @@ def test_a_force_map_is_computed_without_the_slow_parts_of_scipy():
     simulated = SIMULATION.replace("found = assess(weld, simulator, load_limits())", "simulator.force_map(weld)")
     program = BLOCKED + simulated.partition("print(")[0] + needed
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+LIBRARY = """
+OPTIONAL -= {"xarray", "pandas"}
+import importlib.util
+find = importlib.util.find_spec  # xarray asks whether there is Dask
+importlib.util.find_spec = lambda name, *of: None if name.partition(".")[0] in OPTIONAL else find(name, *of)
+import weld_force_ros as wf
+weld = wf.read_profile("weld-1-dip")
+found = wf.Model("bilbao-continuous").force_map(weld, [80.0], 1)
+verdict = wf.assess(weld, wf.Model("bilbao-continuous"), speeds_kmh=[80.0], positions=1, uncertainty_samples=0)
+print(float(found.peak_force_n.max()), len(verdict.criteria), repr(weld))
+assert not OPTIONAL & sys.modules.keys()
+"""
+
+
+def test_the_library_needs_no_extra():
+    done = subprocess.run([sys.executable, "-c", BLOCKED + LIBRARY], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
 

@@ -24,6 +24,8 @@ def found(*pairs: tuple[str, str], comment: bool = False, form: InstrumentFormat
         ("WELD NO", "7", "weld_id"),
         ("Prüfer", "Mayer", "operator"),
         ("Bediener", "Mayer", "operator"),
+        ("Strecke", "1750", "line"),
+        ("Calibrated on", "2026-03-01", "calibration"),
         ("Datum", "13.05.2024", "measured_on"),
         ("Measured on", "2024-05-13", "measured_on"),
         ("Gerät", "ESL-1200", "instrument"),

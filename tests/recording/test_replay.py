@@ -1,8 +1,6 @@
 """Replay says what differs, and what is missing."""
 
 import csv
-import gzip
-import json
 from pathlib import Path
 
 import msgspec
@@ -17,7 +15,7 @@ from weld_force_ros.recording import STRING, Recorder, replay, string_cdr, what_
 from weld_force_ros.recording.recording import Recording, open_recording
 from weld_force_ros.recording.table_export import export_tables
 from weld_force_ros.recording.weld_records import records_of_recording
-from weld_force_ros.report.weld_detail import detail
+from weld_force_ros.report.weld_detail import content
 from weld_force_ros.simulation.settings import simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
 
@@ -131,7 +129,7 @@ def test_tables_and_report_name_the_vehicle_that_decides(tmp_path, of_two_vehicl
     with (tmp_path / "tables" / "force_maps.csv").open(encoding="utf-8") as maps:
         assert {row["vehicle"] for row in csv.DictReader(maps)} == {"passenger", "freight-22.5t"}
     (record,) = records_of_recording(recording, None, load_limits())
-    provenance = dict(json.loads(gzip.decompress(detail(record)))["provenance"])
+    provenance = dict(content(record)["provenance"])
     assert provenance["vehicle"] == f"{verdict.vehicle}, which decides of 2"
 
 

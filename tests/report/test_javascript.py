@@ -33,7 +33,7 @@ def test_scripts_in_node():
 
 
 @pytest.mark.parametrize(
-    ("program", "scripts"), [("tsconfig.json", html_page._SCRIPTS), ("tsconfig.campaign.json", summary._SCRIPTS)]
+    ("program", "scripts"), [("tsconfig.json", html_page.SCRIPTS), ("tsconfig.campaign.json", summary.SCRIPTS)]
 )
 def test_the_type_checker_reads_what_a_page_holds(program, scripts):
     text = "\n".join(line for line in (ROOT / program).read_text().splitlines() if not line.strip().startswith("//"))

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from tests.cli.test_show import force_map
 from tests.harness.limits import by_value
+from weld_force_ros._words import Words
 from weld_force_ros.assessment.judge import judge
 from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.errors import InputError
@@ -30,7 +31,7 @@ from weld_force_ros.recording.weld_records import Record
 from weld_force_ros.report import live_report
 from weld_force_ros.report.live_report import LiveReport
 from weld_force_ros.report.live_server import Server, _Http
-from weld_force_ros.report.weld_detail import detail
+from weld_force_ros.report.weld_section import section
 
 PAGE = "<!doctype html><title>page</title>"
 LIMITS = by_value()
@@ -71,8 +72,8 @@ def rows(report: LiveReport, after: int = 0) -> list[dict]:
     return json.loads(report.rows_after(after))
 
 
-def content(report: LiveReport, number: int) -> dict:
-    return json.loads(gzip.decompress(report.detail(number)))
+def part(report: LiveReport, number: int) -> str:
+    return gzip.decompress(report.detail(number)).decode()
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 2, 1, 0), (1, 3, 0, 2)])
@@ -87,16 +88,17 @@ def test_details_are_whole_in_whatever_order_messages_come(tmp_path, order, sett
             report.add(message)
     (row,) = rows(report)
     assert (row["n"], row["weld"]) == (1, "KM12")
-    found = content(report, 1)
-    assert {"verdict", "map", "curves", "history", "profile", "provenance"} <= set(found)
-    assert "wheel_m" in found["profile"]  # which needs the settings
+    found = part(report, 1)
+    for heading in ("Geometry and quality index", "Peak force over speed", "Peak force by speed", "One passage at"):
+        assert heading in found
+    assert 'class="wheel"' in found  # which needs the settings
 
 
 def test_a_row_is_there_before_its_map(tmp_path):
     report = LiveReport(tmp_path)
     report.add(parts("KM12")[3])
     assert [row["weld"] for row in rows(report)] == ["KM12"]
-    assert content(report, 1)["verdict"]["weld_id"] == "KM12"
+    assert ">KM12</h2>" in part(report, 1)
 
 
 @pytest.mark.parametrize("verdict_at", range(6))
@@ -112,7 +114,7 @@ def test_of_several_vehicles_the_one_that_decides_is_shown(tmp_path, verdict_at)
         report = LiveReport(tmp_path / str(number))
         for message in [settings(), LIMITS, *messages]:
             report.add(message)
-        shown.append(content(report, 1))
+        shown.append(part(report, 1))
     assert shown[0] == shown[1]
 
 
@@ -139,7 +141,7 @@ def test_rejections_are_rows(tmp_path):
     report = LiveReport(tmp_path)
     report.add(Rejection(source="a.csv", reason="no units", remedy="state them"))
     assert rows(report)[0]["decision"] == "unusable"
-    assert content(report, 1)["rejection"]["reason"] == "no units"
+    assert "Because: No units." in part(report, 1)
 
 
 @pytest.mark.parametrize(
@@ -148,11 +150,11 @@ def test_rejections_are_rows(tmp_path):
 def test_details_are_there_before_the_row_that_leads_to_them(tmp_path, monkeypatch, message):
     report, kept = LiveReport(tmp_path), []
 
-    def note_rows(record: Record) -> bytes:
+    def note_rows(record: Record, words: Words) -> str:
         kept.append(rows(report))
-        return detail(record)
+        return section(record, words)
 
-    monkeypatch.setattr(live_report, "detail", note_rows)
+    monkeypatch.setattr(live_report, "section", note_rows)
     report.add(message)
     assert kept == [[]]
     assert len(rows(report)) == report.count == 1
@@ -185,7 +187,7 @@ def test_what_never_gets_its_verdict_is_given_up(tmp_path):
         report.add(parts(f"weld-{i}")[0])
     assert len(report._partial) == 256
     report.add(parts("weld-0")[3])
-    assert "profile" not in content(report, 1)
+    assert "Geometry and quality index" not in part(report, 1)
 
 
 @pytest.fixture
@@ -219,7 +221,8 @@ def test_what_is_served(served):
         head, nothing = ask(served, path, "HEAD")
         assert (head.status, head.headers["Content-Length"], nothing) == (200, str(len(data)), b"")
     assert json.loads(ask(served, "/rows?after=0")[1])[0]["weld"] == "KM12"
-    assert json.loads(gzip.decompress(ask(served, "/weld/1")[1]))["verdict"]["weld_id"] == "KM12"
+    assert ">KM12</h2>" in gzip.decompress(ask(served, "/weld/1")[1]).decode()
+    assert "Measured on" in ask(served, "/header")[1].decode()
 
 
 @pytest.mark.parametrize(
@@ -337,6 +340,7 @@ def test_others_are_answered_if_they_know_the_token(shared):
     for host in ("192.168.1.7", "tablet.example:8765"):
         assert ask(shared, root, Host=host)[1] == PAGE.encode()
         assert json.loads(ask(shared, f"{root}rows?after=0", Host=host)[1])[0]["weld"] == "KM12"
+        assert ask(shared, f"{root}header", Host=host)[0].status == 200
         assert ask(shared, f"{root}weld/1", Host=host)[0].status == 200
 
 
@@ -388,10 +392,11 @@ def test_a_row_names_what_its_verdict_rests_on_as_far_as_it_has_arrived(tmp_path
     report.add(verdict)
     assert rows(report)[0]["basis"] == {
         "rule_books": ["force"], "risk": 0.05, "static_n": 100e3, "unknown": True,
+        "software": verdict.software, "limits": verdict.limits_sha256,
     }  # fmt: skip
     report = LiveReport(tmp_path)
     for message in (settings(), books, replace(profile, measured_on="2026-11-20"), found, verdict):
         report.add(message)
     basis = rows(report)[0]["basis"]
-    assert (basis["track"], basis["unsprung_kg"], basis["measured_on"]) == ("bilbao", 700.0, "2026-11-20")
+    assert (basis["track"], basis["unsprung_kg"], basis["date"]) == ("bilbao", 700.0, "2026-11-20")
     assert "unknown" not in basis

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 pytest.importorskip("foxglove")
-pytest.importorskip("plotly")
+pytest.importorskip("jinja2")
 
 DOCS = Path(__file__).parents[2] / "docs"
 

@@ -2,11 +2,12 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as changed
 
-from weld_force_ros import Simulator, shipped_profile, simulation_settings
 from weld_force_ros.assessment.probability import HANGING, influences
+from weld_force_ros.measurement.profile_file import shipped_profile
 from weld_force_ros.messages import Uncertainty, UncertaintyResult
 from weld_force_ros.simulation import hanging_samples
-from weld_force_ros.simulation.settings import load_uncertainty
+from weld_force_ros.simulation.settings import load_uncertainty, simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
 
 GRID = {"track": "bilbao-viscous", "speeds_kmh": [100.0, 160.0], "positions": 3}
 

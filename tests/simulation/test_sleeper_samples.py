@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as changed
 
-from weld_force_ros import Simulator, shipped_profile, simulation_settings
 from weld_force_ros.assessment.probability import SLEEPERS, influences
+from weld_force_ros.measurement.profile_file import shipped_profile
 from weld_force_ros.messages import Uncertainty, UncertaintyResult
 from weld_force_ros.physics.engines.greens_function import GreensFunctionModel
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.track.local_support import LocalSupports, SupportChange
 from weld_force_ros.simulation import sleeper_samples, track_file
 from weld_force_ros.simulation.force_map_view import Passages
-from weld_force_ros.simulation.settings import load_uncertainty
+from weld_force_ros.simulation.settings import load_uncertainty, simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
 from weld_force_ros.simulation.sleeper_samples import SleeperSensitivities, drawn, scattered
 
 LOAD_N = 1e5

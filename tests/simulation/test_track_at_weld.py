@@ -2,10 +2,10 @@
 
 import pytest
 
-from weld_force_ros import simulation_settings
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import parse_support
 from weld_force_ros.simulation import track_at_weld, track_file
+from weld_force_ros.simulation.settings import simulation_settings
 from weld_force_ros.simulation.track_at_weld import TracksAtWelds
 
 

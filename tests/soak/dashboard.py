@@ -174,7 +174,7 @@ def _open_first(weld: "_Weld", publish: Callable[[Message], int], page: Any) -> 
     page.wait_for_selector('a[href="#weld-1"]')
     began_s = time.monotonic()
     page.click('a[href="#weld-1"]')
-    page.wait_for_selector("#weld .js-plotly-plot .main-svg")
+    page.wait_for_selector("#weld article svg.figure")
     took_ms = 1e3 * (time.monotonic() - began_s)
     page.evaluate("location.hash = ''")
     page.wait_for_selector("table.welds")

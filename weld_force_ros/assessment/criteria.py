@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from msgspec import UNSET, UnsetType
 
+from weld_force_ros._words import english
 from weld_force_ros.messages import Criterion, Limit, NormPoint, ProfileMeasures, UncertaintyResult
 from weld_force_ros.physics.analysis.geometry import NORM_MRAD
 from weld_force_ros.physics.arrays import FloatArray
@@ -54,14 +55,7 @@ GEOMETRY_CRITERIA = ("quality_index", "straightedge", *EDGE_CRITERIA, "inclinati
 
 CRITERIA = (*FORCE_CRITERIA, *GEOMETRY_CRITERIA)
 
-WORDS = {
-    "peak_force": "peak force", "p2_force": "P2 force", "force_20hz": "Qmax, 20 Hz low-pass",
-    "dynamic_factor": "dynamic load factor", "hertz_pressure_index": "contact pressure ratio",
-    "unloading": "wheel unloading", "contact_loss": "contact loss", "quality_index": "quality index",
-    "straightedge": "deviation under a straightedge", "straightedge_peak": "peak under a straightedge",
-    "straightedge_dip": "dip under a straightedge", "straightedge_abs": "peak or dip under a straightedge",
-    "inclination": "inclination", "step": "step",
-}  # fmt: skip
+WORDS = english().section("criterion_in_sentence")
 """Name of each criterion in a sentence."""
 
 

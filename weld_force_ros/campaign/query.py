@@ -109,6 +109,9 @@ def _add_views(connection: duckdb.DuckDBPyConnection, out: Path, prefix: str) ->
         parts = sorted(str(part) for part in (out / name).rglob("batch-*.parquet"))
         if parts:
             found = connection.read_parquet(parts, hive_partitioning=True)
+            # Of results from before a column was added, it is not known.
+            for column in (one for one in columns if one.name not in found.columns):
+                found = found.project(f'*, CAST(NULL AS VARCHAR) AS "{column.name}"')
         else:
             found = connection.from_arrow(columns.append(pa.field("section", pa.string())).empty_table())
         found.create_view(prefix + name)

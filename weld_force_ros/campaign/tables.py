@@ -43,6 +43,7 @@ _OF_VERDICT = {
     "geometry_kind": pa.string(),
     "curve_class": pa.string(),
 }
+_ANSWERS = ("geometry", "force")
 _OF_MEASURES = {
     "dip_m": pa.float64(),
     "protrusion_m": pa.float64(),
@@ -54,7 +55,8 @@ _OF_MEASURES = {
 VERDICTS = pa.schema(
     {
         **_KEYS, "line": pa.string(), "origin": pa.string(), "track": pa.string(),
-        **_OF_PROFILE, **_OF_VERDICT, "worst_criterion": pa.string(), "worst_ratio": pa.float64(),
+        **_OF_PROFILE, **_OF_VERDICT, **{f"{name}_answer": pa.string() for name in _ANSWERS},
+        "worst_criterion": pa.string(), "worst_ratio": pa.float64(),
         **{f"value_{name}": pa.float64() for name in CRITERIA}, **_OF_MEASURES,
     }
 )  # fmt: skip
@@ -83,6 +85,8 @@ def verdict_row(profile: WeldProfile, force_map: ForceMap, verdict: Verdict) -> 
     """Return the columns of `VERDICTS` that a weld and its verdict determine."""
     row: dict[str, Any] = {name: getattr(profile, name) for name in _OF_PROFILE}
     row |= {name: getattr(verdict, name) for name in _OF_VERDICT}
+    answers = {name: getattr(verdict, name) for name in _ANSWERS}
+    row |= {f"{name}_answer": answer.decision for name, answer in answers.items() if answer is not UNSET}
     row |= {name: getattr(force_map.measures, name) for name in _OF_MEASURES}
     row |= {f"value_{criterion.name}": criterion.value for criterion in verdict.criteria}
     deciding = worst(verdict.criteria)

@@ -84,20 +84,15 @@ def _judge(
     simulation: SimulationOptions, uncertainty: UncertaintyOptions, measurement: MeasurementOptions, limits: str | None
 ) -> Callable[[str], Iterator["Record"]]:
     """Return a function that reads a file and yields the outcome of each of its welds."""
-    from weld_force_ros.assessment import judge
-    from weld_force_ros.assessment.hanging import HangingSleepers
+    from weld_force_ros.assessment.assessor import Assessor
     from weld_force_ros.assessment.rule_books import load_limits
     from weld_force_ros.cli import terminal
     from weld_force_ros.measurement.profile_file import find, read_profiles
     from weld_force_ros.recording.weld_records import WeldRecord
-    from weld_force_ros.simulation.simulator import Simulator
 
     chosen = dataclasses.replace(uncertainty, uncertainty_samples=uncertainty.samples_or_default)
     unknown, applied, form = chosen.uncertainty_of_settings(), load_limits(limits), measurement.form()
-    settings = simulation.settings_of_vehicles(unknown)
-    simulators = [Simulator(one, on_fit=terminal.note) for one in settings]
-    by_sha256 = {one.config_sha256: one for one in settings}
-    hanging = {one.config_sha256: HangingSleepers(one, applied, on_fit=terminal.note) for one in settings}
+    assessor = Assessor(simulation.settings_of_vehicles(unknown), applied, on_fit=terminal.note)
 
     def outcomes(file: str) -> Iterator["Record"]:
         try:
@@ -107,12 +102,11 @@ def _judge(
             return
         for weld in welds:
             try:
-                found = judge.assess_vehicles(weld, simulators, applied)
+                found = assessor.assess(weld)
             except WeldForceError as error:
                 yield _rejected(file, error)
                 continue
-            own = by_sha256[found.verdict.config_sha256]
-            found.verdict.hanging = hanging[own.config_sha256].outcomes(weld)
+            own = assessor.settings_of(found)
             yield WeldRecord(found.verdict, found.force_map, weld, found.history, own, applied)
 
     return outcomes
@@ -120,15 +114,11 @@ def _judge(
 
 def _files(names: Sequence[str]) -> list[str]:
     """Return files as they are named, and of folders those inside that are finished."""
-    from weld_force_ros.measurement.profile_file import UNFINISHED
+    from weld_force_ros.measurement.profile_file import files_in
 
     found: list[str] = []
     for name in names:
-        if not Path(name).is_dir():
-            found.append(name)
-            continue
-        inside = sorted(path for path in Path(name).iterdir() if path.is_file() and not path.name.startswith("."))
-        found += [str(path) for path in inside if not path.name.endswith(UNFINISHED)]
+        found += map(str, files_in(Path(name))) if Path(name).is_dir() else [name]
     return found
 
 

@@ -2,7 +2,7 @@
 
 import cmath
 import math
-from typing import Annotated, cast, get_args
+from typing import Annotated
 
 import typer
 
@@ -21,21 +21,15 @@ def receptance(
 ) -> None:
     """Compute point receptances of the rail: exact, or as an engine fits them."""
     from weld_force_ros.cli import terminal
-    from weld_force_ros.physics.track.beam import receptance as exact_receptance
-    from weld_force_ros.simulation import fit_store, track_file
+    from weld_force_ros.simulation import track_file
+    from weld_force_ros.simulation.receptances import point_receptance
 
     at_m, frequency_hz = _numbers("--at", at), _numbers("--freq", freq)
     if min(frequency_hz) <= 0:
         raise InputError(f"--freq {freq}: a frequency is not positive", "give frequencies in Hz above 0")
     definition = track_file.load(track)
-    if engine == "exact":
-        with terminal.notes.status("computing receptances"):  # of a rail by strips, seconds
-            h = exact_receptance(definition.track, frequency_hz, at_m)
-    elif engine in get_args(fit_store.FittedEngine):
-        fit = fit_store.fitted(definition, cast(fit_store.FittedEngine, engine), on_fit=terminal.note)
-        h = fit.model().receptance(frequency_hz, at_m)
-    else:
-        raise InputError(f"engine {engine!r} has no receptance of its own", "use exact, common-poles or rfp")
+    with terminal.notes.status("computing receptances"):  # of a rail by strips, seconds
+        h = point_receptance(definition, frequency_hz, at_m, engine=engine, on_fit=terminal.note)
     with json_output.lines(json) as out:
         json_output.write(
             out,

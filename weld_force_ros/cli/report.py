@@ -19,30 +19,37 @@ Out = Annotated[Path, typer.Option("--out", "-o", callback=in_existing_folder, h
 Pdf = Annotated[
     Path | None, typer.Option(callback=in_existing_folder, help="Also print it, by a Chromium that is installed.")
 ]
+Words = Annotated[Path | None, typer.Option(metavar="FILE.json", help="The words in another language: docs/report.md.")]
 Grinding = Annotated[bool, typer.Option("--grinding", help="Search for the minimum grinding of what is not accepted.")]
 
 
-def report(of: Of, out: Out, pdf: Pdf = None, limits: Limits = None, grinding: Grinding = False) -> None:
+def report(
+    of: Of, out: Out, pdf: Pdf = None, limits: Limits = None, grinding: Grinding = False, words: Words = None
+) -> None:
     """Write one self-contained page of welds: what to do with each and why; usable offline, on a phone and on paper."""
+    from weld_force_ros._words import english, read_words
     from weld_force_ros.assessment.rule_books import load_limits
     from weld_force_ros.cli import terminal
-    from weld_force_ros.report.html_page import page_of_records
+    from weld_force_ros.report.html_page import page, paper, report_of
     from weld_force_ros.report.pdf import print_pdf
 
     if pdf is not None:
         _refuse_without_browser(pdf)
+    catalogue = read_words(words) if words else english()
     entries = _entries(of, load_limits(limits) if limits else None)
     with terminal.progress() as bar:
         if grinding:
             task = bar.add_task("searching for the minimum grinding", total=len(entries))
             entries = _with_grinding(entries, lambda: bar.advance(task))
-        html = page_of_records(bar.track(entries, description="writing the page"), about=f"from {of.absolute().name}")
+        shown = bar.track(entries, description="writing the page")
+        made = report_of(shown, about=f"from {of.absolute().name}", words=catalogue)
+    html = page(made)
     with output_file(out) as file:
         file.write(html)
     terminal.say(f"written: {out}, {terminal.counted(len(entries), 'weld')}, {len(html.encode()) / 1e6:.1f} MB")
     if pdf is not None:
         with terminal.notes.status("printing"):
-            print_pdf(out, pdf)
+            print_pdf(paper(made), pdf)
         terminal.say(f"written: {pdf}")
 
 

@@ -23,7 +23,8 @@ from weld_force_ros.measurement.numbers import METRES, unit_of
 _HEAD_LINES = 40
 _PLAIN = "plain text"
 HeaderKey = Literal[
-    "x_unit", "z_unit", "z_positive", "weld_id", "rail", "instrument", "operator", "measured_on", "chainage_m",
+    "x_unit", "z_unit", "z_positive", "weld_id", "line", "rail", "instrument", "calibration", "operator",
+    "measured_on", "chainage_m",
     "line_speed_kmh", "weld_position_m", "running", "chainage_direction", "support", "kind", "detrend", "centre",
     "noise", "samples",
 ]  # fmt: skip
@@ -61,8 +62,10 @@ class InstrumentFormat(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
         x_direction: `with` if x increases in the running direction, `against` if it falls.
         spacing: distance of the samples in `x_unit`, for a file with heights only, or with a counter for x.
         weld_id: name of the weld; the file's stem if absent.
+        line: that the weld lies on.
         rail: which rail.
         instrument: what it was measured with.
+        calibration: of the instrument: date, certificate.
         operator: who measured.
         measured_on: date.
         kind: weld, joint or squat; a wheel is not read as a rail.
@@ -96,8 +99,10 @@ class InstrumentFormat(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     x_direction: Literal["with", "against"] = "with"
     spacing: Annotated[float, Meta(gt=0)] | None = None
     weld_id: str | None = None
+    line: str | None = None
     rail: str | None = None
     instrument: str | None = None
+    calibration: str | None = None
     operator: str | None = None
     measured_on: str | None = None
     kind: str | None = None

@@ -385,7 +385,18 @@ UNFINISHED = (".part", ".partial", ".crdownload", ".tmp", "~")
 """What copying programs end a file's name with until it is there."""
 
 
-def find(name_or_path: str | Path) -> Path:
+def files_in(folder: Path) -> list[Path]:
+    """Return the files of a folder by name, without hidden ones and those that are still being copied.
+
+    Raises:
+        ProfileError: the folder cannot be read.
+    """
+    with os_errors_as(ProfileError, folder, "give a folder that can be read"):
+        inside = sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
+    return [path for path in inside if not path.name.endswith(UNFINISHED)]
+
+
+def find(name_or_path: str | os.PathLike[str]) -> Path:
     """Return the file of a bundled profile's name, or of a path; a bundled name goes first, `./name` is always a path.
 
     Raises:

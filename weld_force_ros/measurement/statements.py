@@ -15,7 +15,7 @@ from weld_force_ros.measurement.sample_table import Statement
 from weld_force_ros.measurement.text_file import quoted
 
 REQUIRED = ("x_unit", "z_unit", "z_positive")
-TEXTS = ("weld_id", "rail", "instrument", "operator", "measured_on")
+TEXTS = ("weld_id", "line", "rail", "instrument", "calibration", "operator", "measured_on")
 NUMBERS = ("chainage_m", "line_speed_kmh", "weld_position_m")
 KINDS = ("weld", "joint", "squat")
 DIRECTIONS = ("running", "chainage_direction")
@@ -29,6 +29,7 @@ _CHOICES = {
 _WORDS = {
     "weld_id": ("weld", "weld id", "weld no", "weld number", "weld name", "joint", "joint id", "schweissung",
                 "schweissung nr", "schweissstoss", "schweissstoss nr", "las", "lasnummer"),
+    "line": ("line", "route", "line no", "line number", "strecke", "streckennummer"),
     "rail": ("rail", "schiene", "spoorstaaf"),
     "chainage_m": ("chainage", "chainage m", "chainage km", "km", "kilometer", "kilometrierung", "stationierung",
                    "station", "location"),
@@ -38,6 +39,7 @@ _WORDS = {
     "measured_on": ("date", "datum", "measured", "measured on", "measurement date", "messdatum", "date and time"),
     "operator": ("operator", "bediener", "prufer", "inspector", "surveyor"),
     "instrument": ("instrument", "gerat", "messgerat", "device", "serial number", "serial no"),
+    "calibration": ("calibration", "calibrated", "calibrated on", "calibration date"),
     "samples": ("samples", "points", "count", "npoints", "xypoints", "anzahl", "number of samples"),
     "x_unit": ("unitx", "unit x", "x unit", "xunits"),
     "z_unit": ("unitz", "unit z", "z unit", "yunits", "unity"),

@@ -107,6 +107,8 @@ class WeldProfile(Message, kw_only=True):
     support: Annotated[list[SupportState], Meta(max_length=18)] | UnsetType = UNSET
     chainage_direction: ChainageDirection | UnsetType = UNSET
     measured_on: Annotated[Name, Meta(description="date as the file states it")] | UnsetType = UNSET
+    line: Annotated[Name, Meta(description="that the weld lies on, as the file states it")] | UnsetType = UNSET
+    calibration: Annotated[Name, Meta(description="of the instrument, as the file states it")] | UnsetType = UNSET
     file_version_of: (
         Annotated[
             Name,

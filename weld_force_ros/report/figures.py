@@ -30,8 +30,40 @@ def new_figure(width_in: float, height_in: float) -> "Figure":
     try:
         from matplotlib.figure import Figure
     except ImportError:
-        raise InputError("pictures need matplotlib", "install it with `pip install 'weld_force_ros[report]'`") from None
+        raise _missing() from None
     return Figure(figsize=(width_in, height_in), layout="constrained")
+
+
+def current_axes() -> "Axes":
+    """Return the axes that pyplot draws to, new ones if there are none.
+
+    Raises:
+        InputError: matplotlib is not installed.
+    """
+    axes: Axes = _pyplot().gca()
+    return axes
+
+
+def next_figure(width_in: float, height_in: float) -> "Figure":
+    """Return a new figure of pyplot, which notebooks show and `pyplot.show()` opens.
+
+    Raises:
+        InputError: matplotlib is not installed.
+    """
+    figure: Figure = _pyplot().figure(figsize=(width_in, height_in), layout="constrained")
+    return figure
+
+
+def _pyplot() -> Any:
+    try:
+        from matplotlib import pyplot
+    except ImportError:
+        raise _missing() from None
+    return pyplot
+
+
+def _missing() -> InputError:
+    return InputError("pictures need matplotlib", "install it with `pip install 'weld_force_ros[report]'`")
 
 
 def as_text(name: str) -> str:
@@ -61,7 +93,7 @@ def compare_maps(rows: Sequence[tuple[WeldProfile, ForceMap]]) -> "Figure":
     lowest = min(worse_passages(m).peak_force_n.min() for _, m in rows) / 1e3
     image: Any = None
     for (profile, force_map), (above, below) in zip(rows, axes.T, strict=True):
-        _draw_profile(above, profile)
+        draw_profile(above, profile)
         image = _draw_map(below, force_map, lowest, highest)
         above.set_title(as_text(profile.weld_id), fontweight="bold")
     figure.colorbar(image, ax=axes[1, :], label="peak force, kN", shrink=0.95)
@@ -72,7 +104,7 @@ def one_weld(profile: WeldProfile, force_map: ForceMap, history: ForceHistory) -
     """Draw a weld on one page: profile, force map, force against speed, and the worst passage."""
     figure = new_figure(11, 7.6)
     (top_left, top_right), (bottom_left, bottom_right) = figure.subplots(2, 2)
-    _draw_profile(top_left, profile)
+    draw_profile(top_left, profile)
     peaks = worse_passages(force_map).peak_force_n / 1e3
     image = _draw_map(top_right, force_map, peaks.min(), peaks.max())
     figure.colorbar(image, ax=top_right, label="peak force, kN")
@@ -82,9 +114,14 @@ def one_weld(profile: WeldProfile, force_map: ForceMap, history: ForceHistory) -
     return figure
 
 
-def grinding(advice: GrindingAdvice) -> "Figure":
-    """Draw where metal comes off a weld, its quality index along the rail and the worst force, before and after."""
-    figure = new_figure(11, 6.4)
+def grinding(advice: GrindingAdvice, figure: "Figure | None" = None) -> "Figure":
+    """Draw where metal comes off a weld, its quality index along the rail and the worst force, before and after.
+
+    Args:
+        advice: to draw.
+        figure: an empty one to draw in; a new one if not given.
+    """
+    figure = figure or new_figure(11, 6.4)
     grid = figure.add_gridspec(2, 2, width_ratios=[1.25, 1], height_ratios=[1.7, 1])
     rail, index, force = (figure.add_subplot(cell) for cell in (grid[0, 0], grid[1, 0], grid[:, 1]))
     _draw_spots(rail, advice)
@@ -147,7 +184,8 @@ def _draw_forces(axes: "Axes", advice: GrindingAdvice) -> None:
     axes.set(xlabel="speed, km/h", ylabel="peak force at the worst position, kN")
 
 
-def _draw_profile(axes: "Axes", profile: WeldProfile) -> None:
+def draw_profile(axes: "Axes", profile: WeldProfile) -> None:
+    """Draw the rail over a weld on axes, and the measured samples where the file has them."""
     axes.axhline(0, color=GREY, linewidth=0.6)
     measured_x, measured_z = known(profile.measured_x_m), known(profile.measured_z_m)
     if measured_x is not None and measured_z is not None:

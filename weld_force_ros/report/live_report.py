@@ -1,5 +1,6 @@
-"""The live report: rows of the newest welds in memory, the details of each in a file."""
+"""The live report: rows of the newest welds in memory, the part of each in a file."""
 
+import gzip
 import threading
 from collections import OrderedDict, deque
 from collections.abc import Iterator, Sequence
@@ -7,12 +8,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 import zstandard
 
 from weld_force_ros._files import whole_file
+from weld_force_ros._words import english
 from weld_force_ros.messages import (
     AssessmentSettings,
     ForceHistory,
@@ -25,8 +27,9 @@ from weld_force_ros.messages import (
     identity,
 )
 from weld_force_ros.recording.weld_records import Record, RejectedRecord, WeldRecord
-from weld_force_ros.report.table_row import row
-from weld_force_ros.report.weld_detail import detail
+from weld_force_ros.report.page_header import header
+from weld_force_ros.report.table_row import row, row_html
+from weld_force_ros.report.weld_section import section
 
 NEWEST = 2_000
 """Number of welds that are kept."""
@@ -76,6 +79,7 @@ class LiveReport:
     def __init__(self, folder: Path, newest: int = NEWEST) -> None:
         self._folder = folder
         self._rows: deque[bytes] = deque(maxlen=newest)
+        self._bases: deque[dict[str, Any] | None] = deque(maxlen=newest)
         self._last = 0
         self._lock = threading.Lock()
         self._partial: OrderedDict[str, _PartialWeld] = OrderedDict()
@@ -95,8 +99,15 @@ class LiveReport:
             rows = list(islice(self._rows, len(self._rows) - count, None))
         return b"[" + b",".join(rows) + b"]"
 
+    def header(self) -> bytes:
+        """Return the front's header, of the welds that are kept, as HTML."""
+        with self._lock:
+            bases = [basis for basis in self._bases if basis]
+            limits, settings = list(self._limits.values()), list(self._settings.values())
+        return header(bases, limits, english(), settings=settings).encode()
+
     def detail(self, number: int) -> bytes | None:
-        """Return the details of a weld as `weld_detail.detail` encodes them; None if it is not kept."""
+        """Return the part of a weld as gzip of HTML; None if it is not kept."""
         try:
             return self._file(number).read_bytes()
         except OSError:
@@ -110,10 +121,12 @@ class LiveReport:
         """
         match message:
             case SimulationSettings():
-                _keep(self._settings, message.config_sha256, message, _MOST_SETTINGS)
+                with self._lock:
+                    _keep(self._settings, message.config_sha256, message, _MOST_SETTINGS)
                 self._write_judged_by(message.config_sha256)
             case AssessmentSettings():
-                _keep(self._limits, message.limits_sha256, message, _MOST_SETTINGS)
+                with self._lock:
+                    _keep(self._limits, message.limits_sha256, message, _MOST_SETTINGS)
                 self._write_judged_by(message.limits_sha256)
             case Rejection():
                 self._partial.pop(str(message.profile_id), None)
@@ -190,13 +203,14 @@ class LiveReport:
         """
         number = self._last + 1
         content = row(number, record) | ({"supersedes": supersedes} if supersedes else {})
-        encoded = msgspec.json.encode(content)
+        encoded = msgspec.json.encode({**content, "html": row_html(content, english())})
         try:
             yield number
         finally:
             with self._lock:
                 self._last = number
                 self._rows.append(encoded)
+                self._bases.append(content.get("basis"))
                 dropped = number - len(self._rows)
             self._file(dropped).unlink(missing_ok=True)
 
@@ -204,7 +218,7 @@ class LiveReport:
         if number <= self._last - len(self._rows):
             return  # dropped meanwhile
         with whole_file(self._file(number)) as stream:
-            stream.write(detail(record))
+            stream.write(gzip.compress(section(record, english()).encode(), mtime=0))
 
     def _file(self, number: int) -> Path:
         return self._folder / f"{number}.gz"

@@ -157,6 +157,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(HTTPStatus.OK, "text/html; charset=utf-8", self.server.page)
         elif matched := _ROWS.fullmatch(asked):
             self._answer(HTTPStatus.OK, "application/json", report.rows_after(int(matched["after"] or 0)))
+        elif asked == "/header":
+            self._answer(HTTPStatus.OK, "text/html; charset=utf-8", report.header())
         elif (matched := _WELD.fullmatch(asked)) and (detail := report.detail(int(matched["number"]))) is not None:
             self._answer(HTTPStatus.OK, "application/gzip", detail)
         else:

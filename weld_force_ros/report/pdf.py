@@ -11,7 +11,6 @@ from weld_force_ros.errors import InputError
 BROWSER_VARIABLE = "WELD_FORCE_BROWSER"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 _SECONDS_AT_MOST = 600
-_VIRTUAL_MS = 60_000
 
 
 def find_browser() -> str | None:
@@ -21,37 +20,40 @@ def find_browser() -> str | None:
     return next((found for name in candidates if name and (found := shutil.which(name))), None)
 
 
-def print_pdf(page: Path, pdf: Path) -> None:
-    """Print all welds of a page to PDF.
+def print_pdf(html: str, pdf: Path) -> None:
+    """Print a page to PDF.
+
+    Args:
+        html: of `html_page.paper`.
+        pdf: file to write.
 
     Raises:
         InputError: there is no browser, it takes too long, or it writes nothing.
     """
     browser = find_browser()
     if browser is None:
-        raise InputError(
-            f"no Chromium was found to print {pdf}", f"install one, or name it in {BROWSER_VARIABLE}; {page} is written"
-        )
+        raise InputError(f"no Chromium was found to print {pdf}", f"install one, or name it in {BROWSER_VARIABLE}")
     try:
         pdf.unlink(missing_ok=True)
-        last_words = _print(browser, page, pdf)
+        last_words = _print(browser, html, pdf)
     except subprocess.TimeoutExpired:
         raise InputError(f"printing {pdf} took longer than {_SECONDS_AT_MOST} s", "print fewer welds") from None
     except OSError as error:
         raise InputError(f"{pdf}: {error.strerror or error}", "name a file in a writable folder") from None
     if not pdf.exists():
-        raise InputError(f"{browser} printed no {pdf}: {last_words}", f"open {page} and print it from there")
+        raise InputError(f"{browser} printed no {pdf}: {last_words}", "open the page and print it from there")
 
 
-def _print(browser: str, page: Path, pdf: Path) -> str:
+def _print(browser: str, html: str, pdf: Path) -> str:
     """Run the browser and return the last line of its standard error."""
-    with tempfile.TemporaryDirectory(prefix="weld-force-print-") as profile:
+    with tempfile.TemporaryDirectory(prefix="weld-force-print-") as folder:
+        page = Path(folder) / "page.html"
+        page.write_text(html, encoding="utf-8")
         done = subprocess.run(
             [
                 browser, "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
-                "--no-first-run", "--window-size=1000,1400", "--disable-background-networking",
-                f"--user-data-dir={profile}", f"--virtual-time-budget={_VIRTUAL_MS}", "--no-pdf-header-footer",
-                f"--print-to-pdf={pdf.absolute()}", f"{page.absolute().as_uri()}#print",
+                "--no-first-run", "--disable-background-networking", f"--user-data-dir={folder}/profile",
+                "--no-pdf-header-footer", f"--print-to-pdf={pdf.absolute()}", page.as_uri(),
             ],
             capture_output=True, timeout=_SECONDS_AT_MOST, check=False,
         )  # fmt: skip

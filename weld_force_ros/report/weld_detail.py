@@ -1,23 +1,21 @@
-"""The data of one weld's section of the page: gzip of JSON, some kilobytes, no more points than a screen shows."""
+"""Collect the numbers of one weld's figures and tables: no more points than a screen shows."""
 
-import gzip
 from collections.abc import Sequence
 from typing import Any
 
 import msgspec
 import numpy as np
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET
 from numpy.typing import NDArray
 
-from weld_force_ros.assessment.criteria import FORCE_CRITERIA, gradient_norm_rad, sentence_in_words
+from weld_force_ros.assessment.criteria import FORCE_CRITERIA, gradient_norm_rad
 from weld_force_ros.assessment.grinding_spots import ends_in_words, side_in_words
 from weld_force_ros.assessment.hanging import sleeper_share_sentences, support_sentences
 from weld_force_ros.assessment.judge import told_apart
-from weld_force_ros.assessment.limits import decides, levels, ratio, within_limits
+from weld_force_ros.assessment.limits import decides, levels, within_limits
 from weld_force_ros.assessment.rule_books import limits_by_book, verified_of
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import (
-    Answer,
     AssessmentSettings,
     Criterion,
     ForceHistory,
@@ -34,9 +32,8 @@ from weld_force_ros.physics.analysis.geometry import inclinations
 from weld_force_ros.physics.analysis.speed_curve import surface_features
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage.wheel_path import underside, wheel_path_over
-from weld_force_ros.recording.weld_records import Record, WeldRecord
+from weld_force_ros.recording.weld_records import WeldRecord
 from weld_force_ros.report.numbers import decimals, short, significant, thinned, without_none
-from weld_force_ros.report.table_row import NOT_ASSESSED, basis, measure_next, what_to_measure
 from weld_force_ros.simulation.force_map_view import (
     Passages,
     RelevantMap,
@@ -45,40 +42,18 @@ from weld_force_ros.simulation.force_map_view import (
     worse_passages,
 )
 from weld_force_ros.simulation.measured_geometry import standard_deviation
-from weld_force_ros.simulation.running import direction_in_words
 
-MOST_POINTS = 400
-_LONGEST_RAW_TEXT = 4_000
-_INDICES_TOGETHER = 10  # of every 0.5 mm
+MOST_POINTS = 160
+_MOST_SAMPLES = 120
+_INDICES_TOGETHER = 14  # of every 0.5 mm
 _SEEN_M = 1e-6  # of height, below which a bridged dip is none
 _NINETY_PERCENT = 1.645  # standard deviations on either side
-_HEADER = ("schema_version", "publisher", "sequence", "stamp")
 
 
-def detail(record: Record) -> bytes:
-    """Return the data of a weld's or a rejection's section as gzip of JSON; the same bytes for the same record."""
-    content = _weld(record) if isinstance(record, WeldRecord) else _rejected(record.rejection)
-    return gzip.compress(msgspec.json.encode(content), mtime=0)
-
-
-def _rejected(rejection: Rejection) -> dict[str, Any]:
-    return {
-        "rejection": {
-            "source": rejection.source,
-            "reason": rejection.reason,
-            "remedy": rejection.remedy,
-            "raw_text": rejection.raw_text[:_LONGEST_RAW_TEXT],
-            "truncated": rejection.raw_truncated or len(rejection.raw_text) > _LONGEST_RAW_TEXT,
-        },
-        "provenance": _stated({"source": rejection.source, "file, sha256": known(rejection.source_sha256)}),
-    }
-
-
-def _weld(weld: WeldRecord) -> dict[str, Any]:
+def content(weld: WeldRecord) -> dict[str, Any]:
+    """Return the numbers of a weld's figures and tables, as far as they are known."""
     share = told_apart(relevant_range(weld.force_map), weld.limits) if weld.force_map and weld.limits else None
-    content = {
-        "verdict": _verdict(weld.verdict),
-        "basis": basis(weld),
+    found = {
         "map": weld.force_map and _map(weld.force_map, share),
         "curves": weld.force_map and _curves(weld.force_map, weld.verdict, weld.limits, share),
         "history": weld.history and _history(weld.history),
@@ -88,42 +63,7 @@ def _weld(weld: WeldRecord) -> dict[str, Any]:
         and [*support_sentences(weld.verdict, weld.force_map.support), *sleeper_share_sentences(weld.force_map)],
         "provenance": _provenance(weld),
     }
-    return {name: value for name, value in content.items() if value}
-
-
-def _verdict(verdict: Verdict) -> dict[str, Any]:
-    content = msgspec.to_builtins(verdict)
-    criteria = [_criterion(c) for c in verdict.criteria]
-    measure = what_to_measure(verdict.reason) if verdict.decision == "undecided" else ""
-    shown = {**short({k: v for k, v in content.items() if k not in _HEADER}), "criteria": criteria, "measure": measure}
-    if isinstance(verdict.geometry, UnsetType) or isinstance(verdict.force, UnsetType):
-        return shown
-    sentences = {
-        "measure": measure_next(verdict) if verdict.decision == "undecided" else "",
-        "reason": sentence_in_words(verdict.reason, verdict.criteria),
-        "geometry": _answer(verdict.geometry, verdict.criteria, NOT_ASSESSED["geometry"]),
-        "force": _answer(verdict.force, verdict.criteria, NOT_ASSESSED["force"]),
-    }
-    if isinstance(verdict.measure_next, str):
-        sentences["measure_next"] = sentence_in_words(verdict.measure_next, verdict.criteria)
-    return {**shown, **sentences}
-
-
-def _answer(answer: Answer, criteria: Sequence[Criterion], to_choose: str) -> dict[str, Any]:
-    """Return an answer with its criterion, and apart what stands in the way of accepting."""
-    of_name = [c for c in criteria if c.name == answer.criterion and c.decides and c.source == answer.source]
-    content: dict[str, Any] = short(msgspec.to_builtins(answer))
-    return without_none({
-        **content,
-        "nearest": _criterion(max(of_name, key=ratio)) if of_name else None,
-        "doubts": [sentence_in_words(doubt, criteria) for doubt in answer.doubts],
-        "to_choose": to_choose if answer.decision == "not assessed" else None,
-    })  # fmt: skip
-
-
-def _criterion(criterion: Criterion) -> dict[str, Any]:
-    share = ratio(criterion)
-    return {**short(msgspec.to_builtins(criterion)), "ratio": significant(share) if share < float("inf") else None}
+    return {name: value for name, value in found.items() if value}
 
 
 def _map(force_map: ForceMap, share: float | None) -> dict[str, Any]:
@@ -138,8 +78,6 @@ def _map(force_map: ForceMap, share: float | None) -> dict[str, Any]:
         "model_error": known(force_map.model_error),
         "line_speed_kmh": known(force_map.line_speed_kmh),
         "weld_position_m": known(force_map.weld_position_m),
-        "running": f"running {direction_in_words(force_map.running)}" if known(force_map.running) else None,
-        "measures": None if force_map.measures is UNSET else short(msgspec.to_builtins(force_map.measures)),
     }
     return without_none(content)
 
@@ -288,7 +226,7 @@ def _measured(profile: WeldProfile) -> dict[str, Any]:
     if noise is None:
         return {}
     wrong = np.isin(x, noise.outliers_m)
-    kept = np.flatnonzero(~wrong)[:: max(1, len(x) // MOST_POINTS)]
+    kept = np.flatnonzero(~wrong)[:: max(1, len(x) // _MOST_SAMPLES)]
     return {
         "noise_m": noise.noise_m,
         "measured_x_m": decimals(x[kept], 5),
@@ -315,7 +253,6 @@ def _grinding(advice: GrindingAdvice) -> dict[str, Any]:
         "stone_radius_m": significant(advice.stone_radius_m),
         "decision_before": advice.decision_before,
         "decision_after": advice.decision_after,
-        "after": [_criterion(c) for c in advice.after],
         "speeds_kmh": short(advice.speeds_kmh),
         "peak_after_n": decimals(advice.peak_after_n, -2),
         "reference_checked": advice.reference_checked,
@@ -328,13 +265,7 @@ def _grinding(advice: GrindingAdvice) -> dict[str, Any]:
 def _provenance(weld: WeldRecord) -> list[list[str]]:
     verdict, force_map, profile, settings = weld.verdict, weld.force_map, weld.profile, weld.settings
     rows: dict[str, object] = {
-        "weld": verdict.weld_id,
-        "rail": known(verdict.rail),
-        "chainage": verdict.chainage_m is not UNSET and f"{verdict.chainage_m:g} m",
         "source": profile and profile.source,
-        "measured on": profile and known(profile.measured_on),
-        "operator": profile and known(profile.operator),
-        "instrument": profile and known(profile.instrument),
         "file format": profile and known(profile.format),
         "conditioning": profile and "; ".join(profile.conditioning),
         "software": verdict.software,
@@ -347,9 +278,7 @@ def _provenance(weld: WeldRecord) -> list[list[str]]:
         "vehicle": _vehicle(verdict, force_map),
         "wheel": settings and _wheel(settings),
         "limits": weld.limits and _limits(weld.limits),
-        "rules": weld.limits and _rules(weld.limits),
         "Monte-Carlo samples": verdict.samples,
-        "uncertainty": settings and settings.uncertainty is not UNSET and settings.uncertainty.source,
         "profile, sha256": verdict.profile_sha256,
         "measurement": known(verdict.profile_id),
         "file, sha256": profile and known(profile.source_sha256),
@@ -386,17 +315,10 @@ def _limits(limits: AssessmentSettings) -> str:
     return f"{len(limits.limits)}, of which {unverified} unverified"
 
 
-def _rules(limits: AssessmentSettings) -> str | None:
-    rules = known(limits.rules)
-    if rules is None:
-        return None
-    unknown = "undecided if it matters" if rules.unknown_position == "undecided" else "the worst one decides"
-    risk = "" if isinstance(rules.accepted_risk, UnsetType) else f"accepted risk {rules.accepted_risk:.0%}; "
-    return (
-        f"{risk}unknown position: {unknown}; waves shown up to {rules.resolved_hz:g} Hz"
-        f"{'' if rules.verified else ' (not verified)'}: {rules.source}"
-    )
-
-
 def _stated(rows: dict[str, object]) -> list[list[str]]:
     return [[name, str(value)] for name, value in rows.items() if value]
+
+
+def provenance_of_rejection(rejection: Rejection) -> list[list[str]]:
+    """Return where an input that could not be used came from."""
+    return _stated({"source": rejection.source, "file, sha256": known(rejection.source_sha256)})

@@ -29,6 +29,7 @@ from weld_force_ros.simulation import track_file, vehicle_file
 from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.simulation.vehicle_file import Vehicle
 
+DEFAULT_TRACK = "bilbao"
 DEFAULT_SPEEDS = "20:300:5"
 DEFAULT_POSITIONS = "15"
 DEFAULT_UNCERTAINTY_SAMPLES = 32
@@ -97,8 +98,8 @@ def parse_vehicles(text: str) -> list[str | None]:
 
 def simulation_settings(
     *,
-    track: str = "bilbao",
-    vehicle: str | None = None,
+    track: str | TrackDefinition = DEFAULT_TRACK,
+    vehicle: str | Vehicle | None = None,
     engine: str = "common-poles",
     speeds_kmh: Sequence[float] | None = None,
     positions: int | Sequence[float] = int(DEFAULT_POSITIONS),
@@ -116,8 +117,9 @@ def simulation_settings(
     """Complete and check the settings of a simulation; what is not given for the wheel is the vehicle's.
 
     Args:
-        track: a shipped track's name or the path of a track file.
-        vehicle: a bundled vehicle's name or the path of a vehicle file; the wheel of the track file if not given.
+        track: a shipped track's name, the path of a track file, or what one of them defines.
+        vehicle: a bundled vehicle's name, the path of a vehicle file, or what one of them defines; the wheel of the
+            track file if not given.
         engine: how the track is represented in time.
         speeds_kmh: increasing; default 20 to 300 in steps of 5.
         positions: number of equal steps over the span, or metres after the sleeper.
@@ -137,8 +139,8 @@ def simulation_settings(
     """
     if engine not in ENGINES:
         raise InputError(f"engine {engine!r} is not available", f"use {', '.join(ENGINES)}")
-    definition = track_file.load(track)
-    chosen = None if vehicle is None else vehicle_file.load(vehicle)
+    definition = track_file.load(track) if isinstance(track, str) else track
+    chosen = vehicle_file.load(vehicle) if isinstance(vehicle, str) else vehicle
     stated_wheel = _wheel(
         definition.wheel if chosen is None else chosen.on(definition.wheel),
         mass_kg=wheel_mass_kg,

@@ -1,6 +1,8 @@
 """From a simulated trolley through ROS topics to measurement files; and what hostile or odd drivers send."""
 
 import struct
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -33,6 +35,8 @@ from weld_force_ros.ros.lifecycle import LifecycleNodeBase
 from weld_force_ros.ros.nodes import trolley_input
 from weld_force_ros.ros.nodes.trolley_input import TrolleyInput
 from weld_force_ros.ros.nodes.trolley_node import TrolleyNode
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "trolley_driver.py"
 
 
 class Listening(LifecycleNodeBase):
@@ -438,3 +442,24 @@ def test_what_the_stream_says_of_trains_stands_in_the_capture(spinning: Callable
     listening.trolley._live.finish()
     (file,) = files(folder)
     assert read_profile(file).running == "against"
+
+
+def test_the_example_driver_makes_a_file_of_the_weld_at_the_button(
+    spinning: Callable[..., Any], folder: Path, domain_id: int
+) -> None:
+    """In a process of its own that knows nothing of the suite, fed by lines as a serial port gives them."""
+    spinning(Listening, folder=str(folder))
+    at_m = np.arange(0, 3000) * 1e-3
+    height_um = -200 * np.exp(-(((at_m - 1.5) / 0.03) ** 2))
+    lines = [f"{12_000 + x:.3f},{z:.1f}" for x, z in zip(at_m, height_um, strict=True)]
+    lines.insert(1501, "weld KM12-L-004")
+    driver = subprocess.run(
+        [sys.executable, str(EXAMPLE)], input="\n".join(lines), text=True, capture_output=True, timeout=DEADLINE_S
+    )
+    assert driver.returncode == 0, driver.stderr
+    wait_until(lambda: list(folder.glob("*.csv")))
+    (file,) = folder.glob("*.csv")
+    weld = read_profile(file)
+    assert weld.weld_id == "KM12-L-004"
+    assert weld.chainage_m == pytest.approx(12_001.5, abs=5e-3)
+    assert min(weld.z_m) == pytest.approx(-200e-6, abs=10e-6)

@@ -1,106 +1,58 @@
-// Where rows and details come from: this page itself, or the server it was loaded from. Both answer
-//   start(onRows, onState)   rows as they come, and what is to be said about the connection
-//   detail(n)                a promise of everything about weld n
+// Where rows and parts of welds come from: this page itself, or the server that it was loaded from.
 
 const POLL_MS = 500;
 
-/** @param {string} id */
-const embeddedJson = (id) => JSON.parse(byId(id).textContent ?? "");
-
 /**
- * @param {string} base64
- * @returns {Uint8Array<ArrayBuffer>}
+ * The part of a weld in this page: a noscript element's text, or null; one that was not read yet is waited for.
+ * @param {number} n
  */
-function bytesOf(base64) {
-  if (Uint8Array.fromBase64) return Uint8Array.fromBase64(base64.trim());
-  return Uint8Array.from(atob(base64.trim()), (character) => character.charCodeAt(0));
-}
-
-/** @param {Uint8Array<ArrayBuffer>} bytes */
-function unpacked(bytes) {
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
-  return new Response(stream).text();
-}
-
-/**
- * An element further down may not have been read yet when a weld is opened at once.
- * @param {string} id
- */
-async function laterElement(id) {
-  if (document.readyState === "loading" && !document.getElementById("plotly")) {
+async function embeddedPart(n) {
+  if (document.readyState === "loading" && !document.getElementById(`card-${n}`)?.nextElementSibling) {
     await new Promise((done) => document.addEventListener("DOMContentLoaded", done, {once: true}));
   }
-  return document.getElementById(id);
+  const holder = document.getElementById(`card-${n}`);
+  return holder ? fragment("div", holder.textContent ?? "").firstElementChild : null;
 }
 
 /**
+ * The part of a weld, asked for where the page does not hold it.
  * @param {number} n
- * @returns {Promise<Detail | null>}
  */
-async function embeddedDetail(n) {
-  const holder = await laterElement(`data-${n}`);
-  return holder && JSON.parse(await unpacked(bytesOf(holder.textContent ?? "")));
+async function partOf(n) {
+  const found = await embeddedPart(n);
+  if (found || !facts.live) return found;
+  const answer = await fetch(`weld/${n}`, {cache: "no-store"});
+  if (!answer.ok) throw new Error(word("script.answered", {status: answer.status}));
+  const stream = new Blob([await answer.arrayBuffer()]).stream().pipeThrough(new DecompressionStream("gzip"));
+  const part = fragment("article", await new Response(stream).text());
+  part.className = "weld";
+  part.dataset.number = String(n);
+  return part;
 }
 
-/** @type {Source} */
-const embeddedSource = {
-  start(onRows) {
-    onRows(embeddedJson("rows"));
-  },
-  async detail(n) {
-    const found = await embeddedDetail(n);
-    if (!found) throw new Error(`weld ${n} is not in this page`);
-    return found;
-  },
-};
-
-/** @type {Source} */
-const liveSource = {
-  start(onRows, onState) {
-    /** @type {Row[]} */
-    const first = embeddedJson("rows");
-    onRows(first);
-    let last = first.reduce((most, row) => Math.max(most, row.n), 0);
-    const poll = async () => {
-      try {
-        const answer = await fetch(`rows?after=${last}`, {cache: "no-store"});
-        if (!answer.ok) throw new Error(`${answer.status}`);
-        /** @type {Row[]} */
-        const rows = await answer.json();
-        last = rows.reduce((most, row) => Math.max(most, row.n), last);
-        if (rows.length) onRows(rows);
-        onState("live");
-      } catch {
-        onState("connection lost, trying again");
-      }
-      setTimeout(poll, POLL_MS);
-    };
-    poll();
-  },
-  async detail(n) {
-    const found = await embeddedDetail(n);
-    if (found) return found;
-    const answer = await fetch(`weld/${n}`, {cache: "no-store"});
-    if (!answer.ok) throw new Error(`the server answered ${answer.status}`);
-    const bytes = new Uint8Array(await answer.arrayBuffer());
-    const packed = bytes[0] === 0x1f && bytes[1] === 0x8b;
-    return JSON.parse(packed ? await unpacked(bytes) : new TextDecoder().decode(bytes));
-  },
-};
-
-/** @type {Promise<PlotlyLibrary> | null} */
-let plotlyPromise = null;
-
 /**
- * Plotly, unpacked when the first weld is opened; the policy allows this very text and no other.
- * @returns {Promise<PlotlyLibrary>}
+ * Ask a live page's server for what came after the last row, and for the front's header when something did.
+ * @param {(rows: LiveRow[], header: string) => void} onRows
+ * @param {(isLive: boolean) => void} onState
  */
-function loadPlotly() {
-  return (plotlyPromise ??= (async () => {
-    const holder = await laterElement("plotly");
-    const text = await unpacked(bytesOf(holder?.textContent ?? ""));
-    document.head.append(element("script", {}, text));
-    if (!window.Plotly) throw new Error("this page's Plotly does not run");
-    return window.Plotly;
-  })());
+function poll(onRows, onState) {
+  let last = 0;
+  const ask = async () => {
+    try {
+      const answer = await fetch(`rows?after=${last}`, {cache: "no-store"});
+      if (!answer.ok) throw new Error(String(answer.status));
+      /** @type {LiveRow[]} */
+      const rows = await answer.json();
+      if (rows.length) {
+        const header = await fetch("header", {cache: "no-store"});
+        onRows(rows, header.ok ? await header.text() : "");
+        last = rows.reduce((most, row) => Math.max(most, row.n), last);
+      }
+      onState(true);
+    } catch {
+      onState(false);
+    }
+    setTimeout(ask, POLL_MS);
+  };
+  ask();
 }

@@ -1,153 +1,179 @@
-// The front table: one row a weld; sorted by any column, filtered by decision and by text.
+// The front table: rows that are there already are sorted, filtered and saved as they are shown.
 
-/** @param {Row} row */
-const ratioOf = (row) => (row.worst ? row.worst.ratio ?? Infinity : -1);
+/** @param {FlatRow} row */
+const decisionOrder = (row) => Object.keys(facts.signs).indexOf(row.decision);
+/** @type {(a: string | undefined, b: string | undefined) => number} */
+const byText = (a = "", b = "") => a.localeCompare(b, document.documentElement.lang || "en", {numeric: true});
+/** @type {(a: number | undefined, b: number | undefined) => number} */
+const byNumber = (a = Infinity, b = Infinity) => (a === b ? 0 : a < b ? -1 : 1);
+
+/** @type {Record<string, {falling?: boolean, compare: (a: FlatRow, b: FlatRow) => number}>} */
+const ORDERS = {
+  decision: {compare: (a, b) => decisionOrder(a) - decisionOrder(b) || byNumber(-shareOf(a), -shareOf(b))},
+  geometry: {compare: (a, b) => byNumber(answerOrder(a.geometry), answerOrder(b.geometry))},
+  force: {compare: (a, b) => byNumber(answerOrder(a.force), answerOrder(b.force))},
+  weld: {compare: (a, b) => byText(a.weld, b.weld)},
+  worst: {falling: true, compare: (a, b) => byNumber(shareOf(a), shareOf(b))},
+  peak: {falling: true, compare: (a, b) => byNumber(a.peak_force_n ?? -1, b.peak_force_n ?? -1)},
+  permitted: {compare: (a, b) => byNumber(a.forces_within_limits_up_to_kmh, b.forces_within_limits_up_to_kmh)},
+  advice: {compare: (a, b) => byText(a.what_to_do, b.what_to_do)},
+  line: {compare: (a, b) => byText(a.line, b.line) || byNumber(a.chainage_m, b.chainage_m)},
+  rail: {compare: (a, b) => byText(a.rail, b.rail) || byNumber(a.chainage_m, b.chainage_m)},
+  chainage: {compare: (a, b) => byNumber(a.chainage_m, b.chainage_m)},
+  date: {compare: (a, b) => byText(dayOf(a.measured_on), dayOf(b.measured_on))},
+  newest: {compare: () => 0},
+};
+
+/** @param {FlatRow} row */
+function shareOf(row) {
+  if (row.worst_criterion === undefined) return -1;
+  return row.times_limit ?? Infinity;
+}
+/** @param {string | undefined} answer */
+const answerOrder = (answer) => (answer === undefined ? 99 : [...Object.keys(facts.signs), "not assessed"].indexOf(answer));
+
 /**
- * @param {(row: Row) => string} pick
- * @returns {(a: Row, b: Row) => number}
+ * The day of a date as files state it, as YYYY-MM-DD; other words stay as they are.
+ * @param {string | undefined} text
  */
-const byText = (pick) => (a, b) => pick(a).localeCompare(pick(b), "en", {numeric: true});
+function dayOf(text) {
+  if (text === undefined) return undefined;
+  const found = /^(\d{1,2})\.(\d{1,2})\.(\d{4})/.exec(text.trim());
+  return found ? `${found[3]}-${found[2].padStart(2, "0")}-${found[1].padStart(2, "0")}` : text.trim();
+}
+
+const CSV_COLUMNS = ["weld", "line", "rail", "chainage_m", "measured_on", "decision", "geometry", "force", "vehicle",
+  "worst_criterion", "times_limit", "peak_force_n", "forces_within_limits_up_to_kmh", "computed_up_to_kmh", "what_to_do"];
+
 /**
- * @param {(row: Row) => number} pick
- * @returns {(a: Row, b: Row) => number}
+ * A value as a cell that no spreadsheet takes for a formula.
+ * @param {string | number | undefined} value
  */
-const byNumber = (pick) => (a, b) => pick(a) - pick(b);
-
-/** @param {RowAnswer | undefined} answer */
-const answerOrder = (answer) => (answer ? decisionOf(answer.decision).order - (answer.exceeding ?? 0) / 2 : 99);
-
-/** Columns of verdicts with two answers only. */
-const OF_ANSWERS = ["geometry", "force"];
-
-/** @type {{id: string, heading: string, falling?: boolean, compare: (a: Row, b: Row) => number}[]} */
-const COLUMNS = [
-  {id: "n", heading: "No.", compare: byNumber((row) => row.n)},
-  {id: "decision", heading: "Decision",
-    compare: (a, b) => decisionOf(a.decision).order - decisionOf(b.decision).order || ratioOf(b) - ratioOf(a)},
-  {id: "geometry", heading: "Geometry", compare: byNumber((row) => answerOrder(row.geometry))},
-  {id: "force", heading: "Force", compare: byNumber((row) => answerOrder(row.force))},
-  {id: "weld", heading: "Weld", compare: byText((row) => row.weld)},
-  {id: "worst", heading: "Worst criterion", falling: true, compare: byNumber(ratioOf)},
-  {id: "peak", heading: "Peak", falling: true, compare: byNumber((row) => row.peak_n ?? -1)},
-  {id: "permitted", heading: "Forces within limits up to", compare: byNumber((row) => row.permitted_kmh ?? Infinity)},
-  {id: "advice", heading: "What to do", compare: byText((row) => row.advice)},
-];
+function csvCell(value) {
+  if (value === undefined) return "";
+  const text = typeof value === "string" && /^[=+\-@\t\r]/.test(value) ? `'${value}` : String(value);
+  return /[",\n\r]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
+}
 
 class FrontTable {
-  /**
-   * @param {HTMLElement} holder
-   * @param {boolean} live
-   * @param {number | null} newest
-   */
-  constructor(holder, live, newest) {
-    this.newest = newest ?? Infinity;
-    /** @type {Map<number, Row>} */
+  /** @param {HTMLElement} front */
+  constructor(front) {
+    /** @type {Map<number, {line: HTMLElement, row: FlatRow, text: string}>} */
     this.rows = new Map();
-    /** @type {Map<number, HTMLElement>} */
-    this.lines = new Map();
-    /** @type {string | null} */
-    this.decision = null;
-    /** @type {string[]} */
-    this.words = [];
-    this.column = live ? COLUMNS[0] : COLUMNS[1];
-    this.falling = live;
-    this.chips = element("div", {class: "chips", role: "group", "aria-label": "Show only one decision"});
-    this.search = element("input", {id: "search", type: "search", autocomplete: "off", spellcheck: "false"});
-    this.search.addEventListener("input", () => {
-      this.words = this.search.value.toLowerCase().split(/\s+/).filter(Boolean);
-      this.show();
-    });
-    this.order = element("select", {id: "order"}, ...COLUMNS.map((c) => element("option", {value: c.id}, c.heading)));
-    this.order.addEventListener("change", () => this.sortBy(COLUMNS[this.order.selectedIndex]));
-    this.direction = element("button", {type: "button", class: "button"}, "Reverse");
-    this.direction.addEventListener("click", () => this.sortBy(this.column));
-    this.heads = COLUMNS.map((column) => {
-      const button = element("button", {type: "button"}, column.heading);
-      button.addEventListener("click", () => this.sortBy(column));
-      return element("th", {scope: "col", class: `c-${column.id}`}, button);
-    });
-    this.body = element("tbody");
-    this.basis = element("dl", {class: "basis", "aria-label": "What the decisions rest on"});
-    this.table = element(
-      "table", {class: "welds"},
-      element("caption", {class: "visually-hidden"}, "Welds with their decisions; headings sort"),
-      element("thead", {}, element("tr", {}, ...this.heads)), this.body,
-    );
-    this.count = element("p", {class: "count", role: "status"});
-    holder.replaceChildren(
-      element("h2", {class: "visually-hidden"}, "All welds"),
-      this.basis,
-      this.chips,
-      element(
-        "div", {class: "tools screen-only"},
-        element("div", {class: "field grow"}, element("label", {for: "search"}, "Find"), this.search),
-        element("div", {class: "field phone-only"}, element("label", {for: "order"}, "Sort by"), this.order),
-        element("div", {class: "field phone-only"}, this.direction),
-        this.count,
-      ),
-      this.table,
-    );
-  }
-
-  /** @param {Row[]} rows */
-  add(rows) {
-    for (const row of rows) {
-      this.rows.set(row.n, row);
-      this.lines.set(row.n, rowLine(row));
-      for (const older of row.supersedes ?? []) this.drop(older);
-    }
-    this.dropOldest();
-    const answered = [...this.rows.values()].filter((row) => row.basis);
-    this.table.setAttribute("class", answered.length ? "welds answered" : "welds");
-    this.heads.forEach((head, i) => {
-      if (OF_ANSWERS.includes(COLUMNS[i].id)) head.hidden = !answered.length;
-    });
-    this.basis.replaceChildren(...basisParts(answered.flatMap((row) => row.basis ?? [])));
+    this.body = /** @type {HTMLElement} */ (front.querySelector(".welds tbody"));
+    this.table = /** @type {HTMLElement} */ (front.querySelector(".welds"));
+    this.chips = /** @type {HTMLElement} */ (front.querySelector(".chips"));
+    this.count = /** @type {HTMLElement} */ (front.querySelector(".count"));
+    this.decision = "";
+    this.order = facts.live ? "newest" : "decision";
+    this.falling = false;
+    for (const line of this.body.querySelectorAll("tr")) this.take(/** @type {HTMLElement} */ (line));
+    this.heads = [...front.querySelectorAll(".welds thead th")].map((head) => this.headOf(/** @type {HTMLElement} */ (head)));
+    this.controls();
     this.show();
   }
 
-  // A page that stays open keeps as much as its server does.
-  dropOldest() {
-    for (const n of this.rows.keys()) {
-      if (this.rows.size <= this.newest) return;
-      this.drop(n);
+  /** @param {HTMLElement} head */
+  headOf(head) {
+    const button = element("button", {type: "button"}, head.textContent ?? "");
+    button.addEventListener("click", () => this.sortBy(head.dataset.column ?? ""));
+    head.replaceChildren(button);
+    return head;
+  }
+
+  controls() {
+    const orders = element("optgroup", {});
+    const names = {line: "order_line", rail: "order_rail", chainage: "order_chainage", date: "order_date", newest: "order_newest"};
+    const select = /** @type {HTMLSelectElement} */ (byId("order"));
+    orders.append(...Object.keys(ORDERS).map((id) =>
+      element("option", {value: id}, id in names ? word(`script.${names[/** @type {keyof typeof names} */ (id)]}`) : word(`column.${id}`))));
+    select.replaceChildren(...orders.children);
+    select.addEventListener("change", () => this.sortBy(select.value));
+    byId("reverse").addEventListener("click", () => this.sortBy(this.order));
+    for (const id of ["search", "line", "rail", "from-km", "to-km", "from-date", "to-date"]) {
+      byId(id).addEventListener("input", () => this.show());
     }
+    byId("search").closest("form")?.addEventListener("submit", (event) => event.preventDefault());
+    byId("csv").addEventListener("click", (event) => {
+      event.preventDefault();
+      this.save();
+    });
+  }
+
+  /** @param {HTMLElement} line */
+  take(line) {
+    /** @type {FlatRow} */
+    const row = JSON.parse(line.dataset.row ?? "{}");
+    this.rows.set(Number(line.dataset.n), {line, row, text: (line.textContent ?? "").toLowerCase()});
+    line.addEventListener("click", (event) => {
+      if (event.target instanceof Element && !event.target.closest("a") && !String(window.getSelection())) location.hash = `weld-${line.dataset.n}`;
+    });
+  }
+
+  /** @param {LiveRow[]} rows */
+  add(rows) {
+    for (const {n, html, supersedes} of rows) {
+      this.drop(n);
+      const line = fragment("tbody", html).firstElementChild;
+      if (line instanceof HTMLElement) this.take(line);
+      for (const older of supersedes ?? []) this.drop(older);
+    }
+    for (const n of [...this.rows.keys()].slice(0, Math.max(0, this.rows.size - (facts.newest ?? Infinity)))) this.drop(n);
+    this.table.classList.toggle("answered", [...this.rows.values()].some(({row}) => row.geometry !== undefined));
+    this.show();
   }
 
   /** @param {number} n */
   drop(n) {
+    this.rows.get(n)?.line.remove();
     this.rows.delete(n);
-    this.lines.delete(n);
   }
 
-  /** @param {typeof COLUMNS[number]} column */
-  sortBy(column) {
-    this.falling = column === this.column ? !this.falling : Boolean(column.falling);
-    this.column = column;
+  /** @param {string} order */
+  sortBy(order) {
+    this.falling = order === this.order ? !this.falling : Boolean(ORDERS[order].falling);
+    this.order = order;
     this.show();
   }
 
-  // The welds as they are shown now, for going from one to the next.
+  /** @param {string} id */
+  given(id) {
+    return /** @type {HTMLInputElement | HTMLSelectElement} */ (byId(id)).value;
+  }
+
+  /** The numbers of the welds as they are shown now. */
   shown() {
+    const words = this.given("search").toLowerCase().split(/\s+/).filter(Boolean);
+    const [line, rail, fromDay, toDay] = ["line", "rail", "from-date", "to-date"].map((id) => this.given(id));
+    const [from, to] = ["from-km", "to-km"].map((id) => (this.given(id) === "" ? null : 1000 * Number(this.given(id))));
+    /** @type {(row: FlatRow) => boolean} */
+    const isIn = (row) => (!this.decision || row.decision === this.decision)
+      && (!line || (row.line ?? word("script.not_stated")) === line) && (!rail || (row.rail ?? word("script.not_stated")) === rail)
+      && (from === null || (row.chainage_m ?? -Infinity) >= from) && (to === null || (row.chainage_m ?? Infinity) <= to)
+      && (!fromDay || (dayOf(row.measured_on) ?? "") >= fromDay)
+      && (!toDay || (row.measured_on !== undefined && (dayOf(row.measured_on) ?? "").slice(0, 10) <= toDay));
     const sign = this.falling ? -1 : 1;
-    return [...this.rows.values()]
-      .filter((row) => !this.decision || row.decision === this.decision)
-      .filter((row) => this.words.every((word) => textOf(row).includes(word)))
-      .sort((a, b) => sign * this.column.compare(a, b) || a.n - b.n);
+    const {compare} = ORDERS[this.order];
+    const last = this.order === "newest" ? -1 : 1;
+    return [...this.rows.entries()]
+      .filter(([, {row, text}]) => isIn(row) && words.every((one) => text.includes(one)))
+      .sort(([n, a], [m, b]) => sign * (compare(a.row, b.row) || last * (n - m))).map(([n]) => n);
   }
 
   show() {
     const shown = this.shown();
     const {activeElement} = document;
-    this.place(shown.flatMap((row) => this.lines.get(row.n) ?? []));
+    this.place(shown.flatMap((n) => this.rows.get(n)?.line ?? []));
     if (activeElement instanceof HTMLElement && this.body.contains(activeElement)) activeElement.focus({preventScroll: true});
-    this.heads.forEach((head, i) => {
-      if (COLUMNS[i] === this.column) head.setAttribute("aria-sort", this.falling ? "descending" : "ascending");
+    for (const head of this.heads) {
+      if (head.dataset.column === this.order) head.setAttribute("aria-sort", this.falling ? "descending" : "ascending");
       else head.removeAttribute("aria-sort");
-    });
-    this.order.value = this.column.id;
-    this.count.textContent = shown.length === this.rows.size ? "" : `${shown.length} of ${this.rows.size} shown`;
+    }
+    /** @type {HTMLSelectElement} */ (byId("order")).value = this.order;
+    this.count.textContent = shown.length === this.rows.size ? "" : word("script.shown", {shown: shown.length, all: this.rows.size});
     this.showChips();
+    this.showChoices("line");
+    this.showChoices("rail");
   }
 
   /**
@@ -158,165 +184,64 @@ class FrontTable {
     /** @type {Set<Element>} */
     const wanted = new Set(lines);
     for (const line of [...this.body.children]) if (!wanted.has(line)) line.remove();
-    let there = this.body.firstChild;
+    let there = this.body.firstElementChild;
     for (const line of lines) {
-      if (line === there) there = there.nextSibling;
+      if (line === there) there = there.nextElementSibling;
       else this.body.insertBefore(line, there);
     }
   }
 
   showChips() {
     /** @type {Map<string, number>} */
-    const counts = new Map();
-    for (const {decision} of this.rows.values()) counts.set(decision, (counts.get(decision) ?? 0) + 1);
-    const {activeElement} = document;
-    const had = activeElement instanceof HTMLElement && this.chips.contains(activeElement) ? activeElement.dataset.decision : undefined;
-    const known = [...counts.keys()].sort((a, b) => decisionOf(a).order - decisionOf(b).order);
-    const chips = ["", ...known].map((decision) => {
-      const label = decision ? badge(decision) : element("span", {class: "badge all"}, "All");
-      const count = element("span", {class: "number"}, String(decision ? counts.get(decision) : this.rows.size));
-      const pressed = (this.decision ?? "") === decision;
-      const chip = element(
-        "button", {type: "button", class: "chip", "aria-pressed": String(pressed), "data-decision": decision}, count, label,
-      );
+    const counts = new Map([["", this.rows.size]]);
+    for (const {row} of this.rows.values()) counts.set(row.decision, (counts.get(row.decision) ?? 0) + 1);
+    const order = ["", ...Object.keys(facts.signs)];
+    const known = [...counts.keys()].sort((a, b) => order.indexOf(a) - order.indexOf(b));
+    const focused = document.activeElement instanceof HTMLElement && this.chips.contains(document.activeElement) ? document.activeElement.dataset.decision : undefined;
+    const chips = known.map((decision) => {
+      const pressed = this.decision === decision;
+      const label = decision ? [element("span", {class: "sign", "aria-hidden": "true"}, facts.signs[decision] ?? "?"), word(`decision.${decision}`)] : [word("script.all")];
+      const chip = element("button", {type: "button", class: "chip", "aria-pressed": String(pressed), "data-decision": decision},
+        element("span", {class: "number"}, String(counts.get(decision))), element("span", {class: `badge ${decision || "all"}`}, ...label));
       chip.addEventListener("click", () => {
-        this.decision = decision && !pressed ? decision : null;
+        this.decision = pressed ? "" : decision;
         this.show();
       });
       return chip;
     });
     this.chips.replaceChildren(...chips);
-    if (had !== undefined) chips.find((chip) => chip.dataset.decision === had)?.focus();
+    if (focused !== undefined) chips.find((chip) => chip.dataset.decision === focused)?.focus();
+  }
+
+  /** @param {"line" | "rail"} id */
+  showChoices(id) {
+    const select = /** @type {HTMLSelectElement} */ (byId(id));
+    const values = [...new Set([...this.rows.values()].map(({row}) => row[id] ?? word("script.not_stated")))].sort(byText);
+    if (select.options.length === values.length + 1 && values.every((value, i) => select.options[i + 1].value === value)) return;
+    const chosen = select.value;
+    select.replaceChildren(element("option", {value: ""}, word("script.any")), ...values.map((value) => element("option", {value}, value)));
+    select.value = values.includes(chosen) ? chosen : "";
+  }
+
+  /** The welds that are shown, in their order, as CSV. */
+  csv() {
+    const lines = this.shown().map((n) => {
+      /** @type {Record<string, string | number | undefined>} */
+      const row = {...this.rows.get(n)?.row};
+      return CSV_COLUMNS.map((name) => csvCell(row[name])).join(",");
+    });
+    return [CSV_COLUMNS.join(","), ...lines, ""].join("\r\n");
+  }
+
+  save() {
+    const address = URL.createObjectURL(new Blob(["\ufeff", this.csv()], {type: "text/csv"}));
+    const link = element("a", {href: address, download: "welds.csv"});
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(address), 10_000);
   }
 
   /** @param {number} n */
   focusOn(n) {
-    this.lines.get(n)?.querySelector("a")?.focus({preventScroll: true});
+    this.rows.get(n)?.line.querySelector("a")?.focus({preventScroll: true});
   }
-}
-
-/** @param {Row} row */
-function textOf(row) {
-  row.text ??= [
-    row.weld, row.rail, decisionOf(row.decision).label, row.advice, row.worst && criterionName(row.worst.name),
-    row.chainage_m,
-  ].filter((part) => part !== undefined).join(" ").toLowerCase();
-  return row.text;
-}
-
-/** @param {Row} row */
-function rowLine(row) {
-  /**
-   * @param {string} id
-   * @param {...Child} children
-   */
-  const cell = (id, ...children) => element("td", {class: `c-${id}`}, ...children);
-  const line = element(
-    "tr", {},
-    cell("n", String(row.n)),
-    cell("decision", badge(row.decision)),
-    answerCell("geometry", "Geometry", row.geometry),
-    answerCell("force", "Force", row.force),
-    element("th", {scope: "row", class: "c-weld"}, element("a", {href: `#weld-${row.n}`}, row.weld), place(row)),
-    cell("worst", ...worstCell(row)),
-    cell("peak", row.peak_n === undefined ? "–" : kilonewtons(row.peak_n)),
-    cell("permitted", ...permittedCell(row)),
-    cell("advice", ...withCode(row.advice)),
-  );
-  line.addEventListener("click", (event) => {
-    if (event.target instanceof Element && !event.target.closest("a") && !String(window.getSelection())) location.hash = `weld-${row.n}`;
-  });
-  return line;
-}
-
-/**
- * @param {string} id
- * @param {string} heading
- * @param {RowAnswer | undefined} answer
- */
-function answerCell(id, heading, answer) {
-  if (!answer) return element("td", {class: `c-${id} empty`}, "–");
-  const {decision, exceeding} = answer;
-  return element("td", {class: `c-${id}`, "data-label": heading}, answerBadge(decision),
-    exceeding !== undefined && element("span", {class: "small block", title: "probability that a limit is exceeded"}, `over a limit: ${probability(exceeding)}`));
-}
-
-/**
- * The distinct values among many, and for how many nothing was stated.
- * @template T
- * @param {T[]} of
- * @param {(one: T) => string | false | undefined} words
- * @param {string} [missing] what to say where none is
- */
-function distinct(of, words, missing) {
-  const all = of.map(words);
-  const stated = [...new Set(all.filter(isShown))].sort(new Intl.Collator("en", {numeric: true}).compare);
-  const lacking = all.filter((one) => !isShown(one)).length;
-  const shown = stated.length > 4 ? [`${stated[0]} to ${lastOf(stated)}`] : stated;
-  if (lacking && missing) shown.push(lacking === all.length ? missing : `${missing} for ${lacking} of ${all.length}`);
-  return shown;
-}
-
-/**
- * What decisions rest on, for whoever signs them.
- * @param {Basis[]} of
- */
-function basisParts(of) {
-  if (!of.length) return [];
-  const books = [...new Set(of.flatMap((one) => one.rule_books))].sort();
-  /** @type {[name: string, values: string[]][]} */
-  const parts = [
-    ["Rule books", books.length ? books : ["none"]],
-    ["Accepted risk", distinct(of, ({risk}) => risk === undefined ? undefined : `${percent(risk)} of exceeding a limit`, "not stated")],
-    ["Track", distinct(of, ({track}) => track, "not known")],
-    ["Vehicle", distinct(of, ({vehicle, static_n: load, unsprung_kg: mass}) => `${vehicle === undefined ? "" : `${vehicle}: `}static wheel load ${kilonewtons(load)}, ${mass === undefined ? "unsprung mass not known" : `unsprung mass ${number(mass, 4)} kg per wheel`}`)],
-    ["Trains run", distinct(of, ({running}) => running, "direction not known")],
-    ["Measured on", distinct(of, (one) => one.measured_on ?? (one.unknown && "not known"), "date not stated")],
-    ["Line speed", distinct(of, (one) => one.line_kmh === undefined ? one.unknown && "not known" : kmh(one.line_kmh), "line speed not stated")],
-  ];
-  return parts.map(([name, values]) => element("div", {class: name === "Rule books" ? "wide" : ""}, element("dt", {}, name),
-    ...values.map((value) => element("dd", {}, value))));
-}
-
-/** @param {Row} row */
-function place(row) {
-  const parts = [row.rail, row.chainage_m !== undefined && `km ${(row.chainage_m / 1000).toFixed(3)}`].filter(Boolean);
-  return parts.length ? element("span", {class: "small block"}, parts.join(" · ")) : null;
-}
-
-/**
- * @param {Row} row
- * @returns {Child[]}
- */
-function worstCell({worst, basis}) {
-  if (!worst) return ["–"];
-  return [
-    element("span", {class: "block"}, criterionName(worst.name, worst.base_m)),
-    bar(worst.ratio ?? Infinity, worst.passed),
-    element("span", {class: `nowrap ${worst.passed ? "" : "over"}`}, timesLimit(worst.ratio)),
-    // Two answers say themselves on whose authority they stand.
-    worst.verified || basis ? null : element("span", {class: "small block"}, "limit not verified"),
-  ];
-}
-
-/**
- * How far a value goes towards its limit, the mark, and beyond.
- * @param {number} ratio
- * @param {boolean} passed
- */
-function bar(ratio, passed) {
-  const filled = element("span");
-  filled.style.width = `${Math.min(100, Math.max(0, ratio) * 50)}%`;
-  return element("span", {class: `meter ${passed ? "within" : "beyond"}`, "aria-hidden": "true"}, filled);
-}
-
-/**
- * @param {Row} row
- * @returns {Child[]}
- */
-function permittedCell(row) {
-  if (row.permitted_kmh === undefined || row.judged_kmh === undefined) return ["–"];
-  if (row.permitted_kmh === 0) return [element("strong", {class: "over"}, "none")];
-  if (row.permitted_kmh >= row.judged_kmh) return [kmh(row.judged_kmh), element("span", {class: "small block"}, "all speeds judged")];
-  return [element("strong", {}, kmh(row.permitted_kmh)), element("span", {class: "small block"}, `of ${kmh(row.judged_kmh)}`)];
 }

@@ -16,7 +16,7 @@ from weld_force_ros.messages import (
     Verdict,
     WeldProfile,
 )
-from weld_force_ros.report.html_page import page
+from weld_force_ros.report.html_page import Report, page
 from weld_force_ros.report.live_report import NEWEST, LiveReport
 from weld_force_ros.report.live_server import ADDRESS, Server
 from weld_force_ros.ros.contract_topics import ContractTopics
@@ -38,14 +38,9 @@ class DashboardNode(LifecycleNodeBase):
 
     def _configure(self, values: dict[str, Any]) -> None:
         namespace = self.get_namespace().strip("/")
-        html = page(
-            [],
-            [],
-            title=f"Rail welds, {namespace}" if namespace else "Rail welds",
-            about=f"as they are judged, the newest {NEWEST:,}",
-            live=True,
-            newest=NEWEST,
-        )
+        about = f"as they are judged, the newest {NEWEST:,}"
+        title = f"Rail welds, {namespace}" if namespace else ""
+        html = page(Report(title=title, about=about), live=True, newest=NEWEST)
         folder = self._resources.enter_context(tempfile.TemporaryDirectory(prefix="weld-force-dashboard-"))
         self._report = LiveReport(Path(folder))
         self.topics = self._resources.enter_context(ContractTopics(self, [], group=self.intake_group))
