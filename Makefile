@@ -3,9 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
-EXTRAS := .[ros,report,campaign,test]
+EXTRAS := .[ros,report,campaign,docs,test]
 
-.PHONY: run test test-long test-fast test-lowest coverage lint warm bench bench-campaign soak screenshots format schema
+.PHONY: run test test-long test-fast test-lowest coverage lint warm bench bench-campaign soak screenshots format schema docs
 
 run: $(READY)
 	$(BIN)/weld-force demo
@@ -34,6 +34,10 @@ $(LOWEST)/.ready: pyproject.toml $(READY)
 	$(BIN)/uv venv --quiet --clear --python $(BIN)/python $(LOWEST)
 	$(BIN)/uv pip install --quiet --python $(LOWEST)/bin/python --resolution lowest-direct -e '.[report,foreign,test]'
 	touch $@
+
+# The documentation, into out/site; needs no network, and a warning is an error.
+docs: $(READY)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 lint: $(READY)
 	$(BIN)/ruff check .
