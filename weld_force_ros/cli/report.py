@@ -83,17 +83,21 @@ def _with_grinding(entries: "list[Record]", on_done: Callable[[], None]) -> "lis
 
 
 def _grind() -> "Grind":
-    """Return a function that advises on grinding, one adviser for the same settings and limits."""
+    """Return a function that advises on grinding, or knows the advice; one adviser for the same settings and limits."""
     from weld_force_ros.assessment.grinding import Adviser
+    from weld_force_ros.assessment.kept_advice import advice_of
     from weld_force_ros.cli import terminal
 
     advisers: dict[tuple[str, str], Adviser] = {}
 
     def grind(profile: "WeldProfile", settings: "SimulationSettings", limits: "AssessmentSettings") -> "GrindingAdvice":
-        key = (settings.config_sha256, limits.limits_sha256)
-        if key not in advisers:
-            advisers[key] = Adviser(settings, limits, on_fit=terminal.note)
-        return advisers[key].advise(profile)
+        def search(profile: "WeldProfile") -> "GrindingAdvice":
+            key = (settings.config_sha256, limits.limits_sha256)
+            if key not in advisers:
+                advisers[key] = Adviser(settings, limits, on_fit=terminal.note)
+            return advisers[key].advise(profile)
+
+        return advice_of(profile, settings, limits, search)
 
     return grind
 
