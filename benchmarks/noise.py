@@ -1,8 +1,9 @@
 """Measured welds against true ones: error of the peak force by noise and spacing, and how often its interval is right.
 
-`python -m benchmarks.noise [--seeds N]` prints the README's table. Each weld is written as a file with noise, rounded
-to 0.01 mm, read, and simulated on `bilbao-viscous`, 20 to 200 km/h, four positions; the true peak is that of the weld
-without noise. The interval is that of the geometry alone: track, contact and wheel are the nominal ones.
+`python -m benchmarks.noise [--seeds N]` prints the table of docs/validation/noise.md. Each weld is written as a file
+with noise, rounded to 0.01 mm, read, and simulated on `bilbao-viscous`, 20 to 200 km/h, four positions; the true peak
+is that of the weld without noise. The interval is that of the geometry alone: track, contact and wheel are
+the nominal ones.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""The README's pictures of report and campaign, from the demo's bag and a population: `make screenshots`."""
+"""The pictures of report and campaign in README and docs, from the demo's bag and a population: `make screenshots`."""
 
 import sys
 import tempfile

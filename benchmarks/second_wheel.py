@@ -1,9 +1,9 @@
 """What the bogie's other wheel changes: peak forces by two wheels on one rail against those by one.
 
-`python -m benchmarks.second_wheel [TRACK ...]` prints the README's table, ten minutes for its two tracks. Both wheels
-run over the exact track of the `reference` engine. The rail under each moves by its own forces and, through the
-transfer receptance h(x(t) + d, x(t')) along a contact at a fixed distance, by the other's; both are solved in the same
-steps, as no wave is at the other wheel within one.
+`python -m benchmarks.second_wheel [TRACK ...]` prints the table of docs/validation/accuracy.md, ten minutes for its two
+tracks. Both wheels run over the exact track of the `reference` engine. The rail under each moves by its own forces and,
+through the transfer receptance h(x(t) + d, x(t')) along a contact at a fixed distance, by the other's; both are
+solved in the same steps, as no wave is at the other wheel within one.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 """Every bundled track: peak forces by common poles against the reference.
 
-`python -m benchmarks.tracks [TRACK ...]` prints the README's table: three shapes, five speeds of 30 to 300 km/h, four
-positions in the span; half a minute a track.
+`python -m benchmarks.tracks [TRACK ...]` prints the table of docs/howto/own-track.md: three shapes, five speeds of 30
+to 300 km/h, four positions in the span; half a minute a track.
 """
 
 import argparse

@@ -28,7 +28,7 @@ OWN_WHEEL = "own"
 Label = Annotated[str, Meta(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,59}(?!\n)$")]
 """A name that may also be a folder's."""
 
-_REMEDY = 'write it as the README\'s page "A whole network" shows'
+_REMEDY = "write it as docs/whole-network.md shows"
 
 
 class SourceEntry(msgspec.Struct, forbid_unknown_fields=True):

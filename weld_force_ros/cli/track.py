@@ -39,7 +39,9 @@ _TWIN_HZ = (5.0, 40.0, 100.0, 300.0, 1200.0, 2501.0)
 @app.command()
 @prints_results
 def identify(
-    file: Annotated[Path, typer.Argument(help="Measured receptance, mobility or accelerance (CSV, see the README).")],
+    file: Annotated[
+        Path, typer.Argument(help="Measured receptance, mobility or accelerance (CSV, see docs/howto/own-track.md).")
+    ],
     like: Annotated[
         str, typer.Option(help="Track, bundled or a file, whose rail, spacing, sleeper and wheel these are.")
     ] = "bilbao-viscous",
