@@ -25,11 +25,12 @@ def commands() -> dict[str, str]:
 
 
 COMMANDS = commands()
+PROGRAM = typer.main.get_command(app)
 
 
 def parse(arguments: list[str]) -> None:
     """Take a command line apart as the program does, without running it."""
-    command = typer.main.get_command(app)
+    command = PROGRAM
     context = command.make_context("weld-force", arguments)
     while hasattr(command, "commands") and (rest := [*context._protected_args, *context.args]):
         name, command, rest = command.resolve_command(context, rest)
