@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import find_peaks
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.physics.analysis.speed_curve import curve_features, kinks, surface_features
@@ -153,3 +154,14 @@ def test_a_level_curve_has_no_features_however_it_is_rounded():
     rounded = 1e5 + 1e-10 * np.sin(speeds)
     found = curve_features(speeds, rounded)
     assert (found.maxima, found.minima, found.hollows, found.monotonic) == ([], [], [], True)
+
+
+@given(st.lists(st.integers(0, 6), min_size=3, max_size=40), st.floats(0.01, 0.9))
+def test_maxima_are_those_of_scipy_level_ones_among_them(levels: list[int], share: float):
+    force_n = np.array(levels, dtype=float)
+    speeds_kmh = np.arange(len(levels), dtype=float)
+    found = curve_features(speeds_kmh, force_n, prominence=share).maxima
+    extent = float(np.ptp(force_n))
+    at, properties = find_peaks(force_n, prominence=share * extent) if extent else ([], {"prominences": []})
+    assert [one.prominence_n for one in found] == list(properties["prominences"])
+    np.testing.assert_allclose([one.speed_kmh for one in found], at, atol=0.5)

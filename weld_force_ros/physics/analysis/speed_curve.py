@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-import scipy  # loads its slow parts, such as signal, where they are first used
+import scipy  # loads its slow parts, such as integrate, where they are first used
 from numpy.typing import ArrayLike, NDArray
 
 from weld_force_ros.errors import InputError
@@ -219,11 +219,31 @@ def _checked(speeds_kmh: ArrayLike, values: ArrayLike) -> tuple[FloatArray, Floa
 def _maxima(speeds: FloatArray, force: FloatArray, prominence_n: float) -> list[Extremum]:
     if prominence_n == 0:  # a constant has no extremum, though that would find one
         return []
-    found, properties = scipy.signal.find_peaks(force, prominence=prominence_n)
-    return [
-        Extremum(*vertex(speeds, force, int(index)), float(own))
-        for index, own in zip(found, properties["prominences"], strict=True)
-    ]
+    heights = ((index, _prominence(force, index)) for index in _tops(force))
+    return [Extremum(*vertex(speeds, force, index), height) for index, height in heights if height >= prominence_n]
+
+
+def _tops(values: FloatArray) -> list[int]:
+    """Return the indices of local maxima, the middle of each level one, as `scipy.signal.find_peaks` does.
+
+    Loading `scipy.signal` takes longer than all advice on a weld.
+    """
+    first = np.flatnonzero(np.diff(values, prepend=np.nan))  # of each run of equal values
+    last = np.append(first[1:], len(values)) - 1
+    rises = np.diff(values[first]) > 0
+    inside = np.flatnonzero(rises[:-1] & ~rises[1:]) + 1
+    return [int(middle) for middle in (first[inside] + last[inside]) // 2]
+
+
+def _prominence(values: FloatArray, top: int) -> float:
+    """Return by how much a maximum stands above the higher of the lowest values between it and what is higher."""
+    return min(_descent(values[top::-1]), _descent(values[top:]))
+
+
+def _descent(values: FloatArray) -> float:
+    """Return by how much values fall below the first before they rise above it."""
+    higher = np.flatnonzero(values > values[0])
+    return float(values[0] - values[: higher[0] if len(higher) else None].min())
 
 
 def _falls(force: FloatArray, negligible_n: float) -> list[slice]:
