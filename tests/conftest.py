@@ -35,6 +35,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items[:] = [item for item in items if item not in left_out]
 
 
+def pytest_runtest_setup() -> None:
+    """Let tables be as wide as in a file, wherever tests run and whatever a library makes of the terminal."""
+    os.environ["COLUMNS"] = "120"
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     """Trace single fast tests only, for coverage: it doubles the time of slow and property tests, for few more lines.

@@ -106,4 +106,4 @@ def test_verdicts_replay_and_report_from_it(
     assert dataclasses.asdict(counts) == {"measurements": 3, "verdicts": 3, "rejections": 1, "open": 0, "doubled": 0}
     assert main(["report", str(bag), "--out", str(tmp_path / "page.html")]) == 0
     assert main(["show", str(bag)]) == 0
-    assert "weld-2" in capfd.readouterr().err
+    assert "weld-2" in capfd.readouterr().out
