@@ -120,7 +120,10 @@ def test_the_causal_twin_is_a_track_to_simulate_with(tmp_path: Path, capfd: pyte
     assert found.track.causal
     assert found.track.rail == given.track.rail
     assert found.wheel == given.wheel
-    assert found.track.support == track_file.load("bilbao-causal").track.support  # as it is bundled
+    bundled = track_file.load("bilbao-causal").track.support
+    assert found.track.support.masses_kg == bundled.masses_kg
+    for spring, as_bundled in zip(found.track.support.springs, bundled.springs, strict=True):
+        np.testing.assert_allclose(spring.rows, as_bundled.rows, rtol=1e-4)  # versions of SciPy differ in last digits
     assert main(["track", "causal", "bilbao", "--out", str(out)]) == 2
     assert "is there already" in capfd.readouterr().err
 

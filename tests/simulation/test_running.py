@@ -202,6 +202,7 @@ def test_a_weld_and_its_mirror_image_get_one_verdict(knots: list[float], centre_
     assert own.permitted_speed_kmh == image.permitted_speed_kmh
     for mine, other in zip(own.criteria, image.criteria, strict=True):
         assert (mine.name, mine.passed) == (other.name, other.passed)
+        close = 1e-6 if mine.name == "unloading" else 1e-7  # of the static load, as forces agree to that
         for name in ("value", "low", "high"):
-            assert getattr(mine, name) == pytest.approx(getattr(other, name), rel=1e-6, abs=1e-7), mine.name
+            assert getattr(mine, name) == pytest.approx(getattr(other, name), rel=1e-6, abs=close), mine.name
         assert mine.exceeding == pytest.approx(other.exceeding, abs=1e-9)  # summed in another order
