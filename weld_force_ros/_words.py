@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from functools import cache
 from importlib import resources
 from pathlib import Path
+from string import Formatter
 from typing import Any
 
 import msgspec
@@ -76,17 +77,20 @@ def read_words(path: Path) -> Words:
     return Words(content, base)
 
 
-def _problem(sentence: str, ours: str) -> str | None:
+def sentence(clause: str) -> str:
+    """Return a clause with a capital letter and a full stop; nothing of nothing."""
+    return clause and clause[0].upper() + clause[1:] + ("" if clause.endswith((".", "!", "?")) else ".")
+
+
+def _problem(translated: str, ours: str) -> str | None:
     """Return why a translated sentence cannot be filled in as ours is, or None."""
     values: dict[str, Any] = dict.fromkeys(_placeholders(ours), "")
     try:
-        sentence.format(**values)
+        translated.format(**values)
     except (KeyError, IndexError, ValueError, AttributeError) as error:
         return f"cannot be filled in ({error})"
     return None
 
 
-def _placeholders(sentence: str) -> set[str]:
-    from string import Formatter
-
-    return {name for _, name, _, _ in Formatter().parse(sentence) if name}
+def _placeholders(text: str) -> set[str]:
+    return {name for _, name, _, _ in Formatter().parse(text) if name}

@@ -127,11 +127,6 @@ def percent(share: float) -> str:
     return ">99 %" if 0.99 < share < 1 else f"{100 * share:.0f} %"
 
 
-def sentence(clause: str) -> str:
-    """Return a clause with a capital letter and a full stop; nothing of nothing."""
-    return clause and clause[0].upper() + clause[1:] + ("" if clause.endswith((".", "!", "?")) else ".")
-
-
 def counted(number: int, one: str, several: str = "") -> str:
     """Return a number with its noun: `1 weld`, `2 welds`."""
     return f"{number:,} {one if number == 1 else several or one + 's'}"

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
+from weld_force_ros._words import sentence
 from weld_force_ros.cli import result_stream
-from weld_force_ros.cli.terminal import percent, say_wrapped, sentence, table
+from weld_force_ros.cli.terminal import percent, say_wrapped, table
 from weld_force_ros.messages import Answer, Decision, ForceMap, Rejection, Verdict
 
 if TYPE_CHECKING:

@@ -198,11 +198,6 @@ def shades_of(values: NDArray[np.float64], low: float, high: float) -> NDArray[n
     return np.round(255 * np.clip((values - low) / max(high - low, 1e-12), 0, 1)).astype(np.uint8)
 
 
-def colour_of(share: float) -> str:
-    """Return the colour of the scale at a share of it, for a style sheet."""
-    return "#" + "".join(f"{round(c):02x}" for c in _colours(np.array([share]))[0])
-
-
 def _colours(shares: NDArray[np.float64]) -> NDArray[np.float64]:
     anchors = np.array(_VIRIDIS, dtype=np.float64)
     at = shares * (len(anchors) - 1)

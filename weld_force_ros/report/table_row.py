@@ -43,7 +43,7 @@ def row(number: int, record: Record, words: Words | None = None) -> dict[str, An
         "worst": _worst(verdict.criteria),
         "peak_n": significant(verdict.peak_force_n),
         "judged_kmh": verdict.judged_speed_kmh,
-        "permitted_kmh": permitted_of(verdict),
+        "permitted_kmh": permitted_kmh(verdict),
         "advice": _one_line(_advice(verdict, record.grinding, words)),
         "line": known(profile.line) if profile else None,
         "rail": known(verdict.rail),
@@ -118,11 +118,6 @@ def _attribute(content: dict[str, Any]) -> str:
     for character in "&<>'":
         text = text.replace(character, f"\\u{ord(character):04x}")
     return Markup(text)  # noqa: S704 - none of the characters that markup is made of is left
-
-
-def permitted_of(verdict: Verdict) -> float | None:
-    """Return the highest computed speed with all forces within limits; 0 below the first, None if not known."""
-    return permitted_kmh(verdict)
 
 
 def _answer(answer: Answer | UnsetType) -> dict[str, Any] | None:

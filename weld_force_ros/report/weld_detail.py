@@ -9,7 +9,7 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from weld_force_ros.assessment.criteria import FORCE_CRITERIA, gradient_norm_rad
-from weld_force_ros.assessment.grinding_spots import ends_in_words, side_in_words
+from weld_force_ros.assessment.grinding_spots import ends_in_words
 from weld_force_ros.assessment.hanging import sleeper_share_sentences, support_sentences
 from weld_force_ros.assessment.judge import told_apart
 from weld_force_ros.assessment.limits import decides, levels, within_limits
@@ -75,7 +75,6 @@ def _map(force_map: ForceMap, share: float | None) -> dict[str, Any]:
         "peak_n": decimals(worse_passages(force_map).peak_force_n.ravel(), -2),
         "hollow": "".join("1" if cell else "0" for cell in _hollow(force_map, shape, share or 0.0).ravel()),
         "static_load_n": force_map.static_load_n,
-        "model_error": known(force_map.model_error),
         "line_speed_kmh": known(force_map.line_speed_kmh),
         "weld_position_m": known(force_map.weld_position_m),
     }
@@ -228,7 +227,6 @@ def _measured(profile: WeldProfile) -> dict[str, Any]:
     wrong = np.isin(x, noise.outliers_m)
     kept = np.flatnonzero(~wrong)[:: max(1, len(x) // _MOST_SAMPLES)]
     return {
-        "noise_m": noise.noise_m,
         "measured_x_m": decimals(x[kept], 5),
         "measured_z_m": decimals(z[kept], 7),
         "wrong_x_m": decimals(x[wrong], 5),
@@ -239,27 +237,15 @@ def _measured(profile: WeldProfile) -> dict[str, Any]:
 def _grinding(advice: GrindingAdvice) -> dict[str, Any]:
     x, ground = np.array(advice.x_m), np.array(advice.z_m) - np.array(advice.removal_m)
     drawn = thinned(ground, MOST_POINTS)
-    content = {
-        "reached": advice.reached,
-        "reason": advice.reason,
+    return {
         "x_m": decimals(x[drawn], 5),
         "ground_m": decimals(ground[drawn], 7),
         "most_removed_m": significant(advice.most_removed_m),
-        "spots": [{**short(msgspec.to_builtins(spot)), "side": side_in_words(spot)} for spot in advice.spots],
+        "spots": [short(msgspec.to_builtins(spot)) for spot in advice.spots],
         "ends": ends_in_words(advice.chainage_direction),
-        "hand_margin_m": significant(advice.hand_margin_m) or None,
-        "peak_by_hand_n": known(advice.peak_by_hand_n),
-        "band_limit_m": significant(advice.band_limit_m),
-        "stone_radius_m": significant(advice.stone_radius_m),
-        "decision_before": advice.decision_before,
-        "decision_after": advice.decision_after,
         "speeds_kmh": short(advice.speeds_kmh),
         "peak_after_n": decimals(advice.peak_after_n, -2),
-        "reference_checked": advice.reference_checked,
-        "reference_within": advice.reference_within,
-        "reference_peak_n": known(advice.reference_peak_n),
     }
-    return without_none(content)
 
 
 def _provenance(weld: WeldRecord) -> list[list[str]]:

@@ -5,9 +5,10 @@ from typing import Any
 
 from msgspec import UnsetType
 
-from weld_force_ros._words import Words
+from weld_force_ros._words import Words, sentence
 from weld_force_ros.assessment.criteria import sentence_in_words
 from weld_force_ros.assessment.grinding_spots import side_in_words
+from weld_force_ros.assessment.judge import permitted_kmh
 from weld_force_ros.assessment.limits import ratio
 from weld_force_ros.assessment.rule_books import limits_by_book
 from weld_force_ros.messages import Answer, Criterion, GrindingAdvice, Rejection, Verdict, known
@@ -24,10 +25,9 @@ from weld_force_ros.report.quantities import (
     probability,
     quantity,
 )
-from weld_force_ros.report.table_row import permitted_of
 from weld_force_ros.report.templates import render
 from weld_force_ros.report.weld_detail import content, provenance_of_rejection
-from weld_force_ros.report.weld_words import NOT_ASSESSED, sentence, value_of
+from weld_force_ros.report.weld_words import NOT_ASSESSED, value_of
 
 _LONGEST_RAW_TEXT = 4_000
 _MOST_DOUBTS = 2  # on the first screen; the reasoning has all of them
@@ -174,7 +174,7 @@ def _facts(record: WeldRecord, words: Words) -> Iterator[tuple[str, str]]:
         times=f"{verdict.peak_force_n / verdict.static_load_n:.2f}",
     )  # fmt: skip
     yield words("fact.peak"), peak
-    yield words("fact.permitted"), weld_words.highest_speed(permitted_of(verdict), verdict.judged_speed_kmh, words)
+    yield words("fact.permitted"), weld_words.highest_speed(permitted_kmh(verdict), verdict.judged_speed_kmh, words)
     at = known(force_map.weld_position_m) if force_map else None
     yield words("fact.position"), not_stated if at is None else words("fact.after_sleeper", position=centimetres(at))
     stated = [known(getattr(profile, name)) if profile else None for name in ("operator", "instrument", "calibration")]

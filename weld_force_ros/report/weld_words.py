@@ -31,13 +31,6 @@ _NOT_LINEAR = ("contact_loss", "hertz_pressure_index")  # in the force
 NOT_ASSESSED = "not assessed"
 
 
-def sentence(text: str) -> str:
-    """Return a clause as a sentence."""
-    if not text:
-        return ""
-    return text[:1].upper() + text[1:] + ("" if text[-1] in ".!?" else ".")
-
-
 def criterion_name(name: str, words: Words, base_m: float | UnsetType = UNSET) -> str:
     """Return a criterion's name, with the length of its straightedge or chord."""
     label = words.get("criterion", name, name)
