@@ -4,19 +4,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import msgspec
 import numpy as np
 import pandas as pd
 import xarray as xr
-from msgspec import UNSET
 
 from weld_force_ros.assessment.grinding import advise
 from weld_force_ros.assessment.grinding_search import Grinder
 from weld_force_ros.library.limits import Limits
 from weld_force_ros.library.model import POSITIONS, Model
 from weld_force_ros.library.notebook import table
-from weld_force_ros.library.profile import Profile
-from weld_force_ros.messages import GrindingAdvice, MeasurementNoise, WeldProfile, known, profile_sha256
+from weld_force_ros.library.profile import Profile, with_geometry
+from weld_force_ros.messages import GrindingAdvice, WeldProfile, known
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -140,19 +138,8 @@ class GrindingPlan:
         """
         advice = self.message
         after = (np.array(advice.z_m) - np.array(advice.removal_m)).tolist()
-        return Profile.from_message(
-            msgspec.structs.replace(
-                self._profile,
-                x_m=advice.x_m,
-                z_m=after,
-                profile_sha256=profile_sha256(advice.x_m, after),
-                profile_id=UNSET,
-                source_sha256=UNSET,
-                measured_x_m=UNSET,
-                measured_z_m=UNSET,
-                noise=MeasurementNoise(method="none", noise_m=0.0),
-            )
-        )
+        conditioning = self._profile.conditioning
+        return Profile.from_message(with_geometry(self._profile, advice.x_m, after, conditioning=conditioning))
 
     def plot(self, figure: "Figure | None" = None) -> "Figure":
         """Draw where metal comes off, the quality index along the rail and the force, before and after.

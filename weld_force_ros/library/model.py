@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from weld_force_ros.errors import InputError
 from weld_force_ros.library import datasets
 from weld_force_ros.library.fits import announce
+from weld_force_ros.library.last_few import LastFew
 from weld_force_ros.library.notebook import table
 from weld_force_ros.library.profile import Profile
 from weld_force_ros.library.track import Track
@@ -73,10 +74,12 @@ class Model:
         self.track = track if isinstance(track, Track) else Track(track)
         self.vehicle = vehicle if isinstance(vehicle, Vehicle) or vehicle is None else Vehicle(vehicle)
         self.engine, self.running, self.threads = engine, running, threads
-        self._options = {"engine": engine, "running": running, "rolling": rolling, "contact_patch": contact_patch}
-        self._options |= {"support": support}
+        self._options = {
+            "engine": engine, "running": running, "rolling": rolling, "contact_patch": contact_patch,
+            "support": support,
+        }  # fmt: skip
         self._crown_radius_m = crown_radius_m
-        self._simulators: dict[str, Simulator] = {}
+        self._simulators = LastFew[Simulator](_MOST_KEPT)
         self.settings()
 
     def settings(
@@ -250,12 +253,9 @@ class Model:
 
     def _simulator(self, settings: SimulationSettings) -> Simulator:
         """Return what simulates by settings; kept, as making one loads the track's fit."""
-        key = settings.config_sha256
-        if key not in self._simulators:
-            while len(self._simulators) >= _MOST_KEPT:
-                del self._simulators[next(iter(self._simulators))]
-            self._simulators[key] = Simulator(settings, on_fit=announce, threads=self.threads)
-        return self._simulators[key]
+        return self._simulators.get(
+            settings.config_sha256, lambda: Simulator(settings, on_fit=announce, threads=self.threads)
+        )
 
     def __repr__(self) -> str:
         vehicle = "" if self.vehicle is None else f"{self.vehicle.name!r}, "

@@ -1,7 +1,7 @@
 """A weld's profile of arrays or files."""
 
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -381,19 +381,9 @@ class Profile:
 
     def _reshaped(self, z_m: FloatArray, done: str) -> "Profile":
         """Return the profile with other heights, which are then its geometry; measured samples are left behind."""
-        heights = z_m.tolist()
+        conditioning = _also(self.message.conditioning, done)
         return Profile.from_message(
-            msgspec.structs.replace(
-                self.message,
-                z_m=heights,
-                profile_sha256=profile_sha256(self.message.x_m, heights),
-                profile_id=UNSET,
-                source_sha256=UNSET,
-                measured_x_m=UNSET,
-                measured_z_m=UNSET,
-                noise=MeasurementNoise(method="none", noise_m=0.0),
-                conditioning=_also(self.message.conditioning, done),
-            )
+            with_geometry(self.message, self.message.x_m, z_m.tolist(), conditioning=conditioning)
         )
 
 
@@ -484,6 +474,24 @@ def read_profiles(
             else:
                 warnings.warn(str(error), stacklevel=2)
     return found
+
+
+def with_geometry(
+    message: WeldProfile, x_m: Sequence[float], z_m: Sequence[float], *, conditioning: Sequence[str]
+) -> WeldProfile:
+    """Return a weld with other samples, taken as they are: what was measured of it, and when, is no longer its own."""
+    return msgspec.structs.replace(
+        message,
+        x_m=list(x_m),
+        z_m=list(z_m),
+        profile_sha256=profile_sha256(x_m, z_m),
+        profile_id=UNSET,
+        source_sha256=UNSET,
+        measured_x_m=UNSET,
+        measured_z_m=UNSET,
+        noise=MeasurementNoise(method="none", noise_m=0.0),
+        conditioning=list(conditioning),
+    )
 
 
 def _files(source: str | PathLike[str] | Iterable[str | PathLike[str]]) -> list[Path]:

@@ -1,6 +1,7 @@
 """A recording of the nodes, read without ROS."""
 
 import warnings
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 
@@ -14,7 +15,6 @@ from weld_force_ros.library import datasets, frames
 from weld_force_ros.library.limits import Limits
 from weld_force_ros.library.notebook import table
 from weld_force_ros.library.profile import Profile
-from weld_force_ros.messages import AssessmentSettings
 from weld_force_ros.recording.recording import open_recording
 from weld_force_ros.recording.weld_records import Record, WeldRecord, records_of_recording
 
@@ -82,8 +82,7 @@ class Recording:
             >>> recording.rejections.columns.tolist()[:3]
             ['source', 'reason', 'remedy']
         """
-        records = self._records(None)
-        return frames.of("rejections", [one.rejection for one in records if not isinstance(one, WeldRecord)])
+        return frames.of("rejections", [one.rejection for one in self._recorded if not isinstance(one, WeldRecord)])
 
     @property
     def maps(self) -> list[xr.Dataset]:
@@ -122,18 +121,19 @@ class Recording:
         from weld_force_ros.report.html_page import page_of_records
 
         chosen = limits if isinstance(limits, Limits) or limits is None else Limits(limits)
-        records = self._records(None if chosen is None else chosen.message)
+        records = self._recorded if chosen is None else records_of_recording(self._read, chosen.message, load_limits())
         html = page_of_records(records, about=f"from {self.path.absolute().name}")
         target = Path(path)
         with os_errors_as(InputError, target, "name a file in a writable folder"):
             write_whole(target, html.encode())
         return target
 
-    def _records(self, limits: AssessmentSettings | None) -> list[Record]:
-        return records_of_recording(self._read, limits, load_limits())
+    @cached_property
+    def _recorded(self) -> list[Record]:
+        return records_of_recording(self._read, None, load_limits())
 
     def _welds(self) -> list[WeldRecord]:
-        return [record for record in self._records(None) if isinstance(record, WeldRecord)]
+        return [record for record in self._recorded if isinstance(record, WeldRecord)]
 
     def __repr__(self) -> str:
         counts = {

@@ -11,6 +11,7 @@ from weld_force_ros.assessment.judge import Assessment, permitted_kmh
 from weld_force_ros.errors import InputError
 from weld_force_ros.library import datasets, frames
 from weld_force_ros.library.fits import announce
+from weld_force_ros.library.last_few import LastFew
 from weld_force_ros.library.limits import Limits
 from weld_force_ros.library.model import POSITIONS, Model
 from weld_force_ros.library.notebook import table
@@ -211,18 +212,13 @@ def assess(
     return Verdict(found, assessor.settings_of(found))
 
 
-_kept: dict[tuple[object, ...], Assessor] = {}
-_MOST_KEPT = 4
+_kept = LastFew[Assessor](4)
 
 
 def _assessor(settings: Sequence[SimulationSettings], limits: Limits, threads: int | None) -> Assessor:
     """Return what assesses by settings and limits; the last few are kept, as making one loads fits."""
     key = (threads, limits.message.limits_sha256, *(one.config_sha256 for one in settings))
-    if key not in _kept:
-        while len(_kept) >= _MOST_KEPT:
-            del _kept[next(iter(_kept))]
-        _kept[key] = Assessor(settings, limits.message, on_fit=announce, threads=threads)
-    return _kept[key]
+    return _kept.get(key, lambda: Assessor(settings, limits.message, on_fit=announce, threads=threads))
 
 
 def _decision(answer: Answer | None) -> str:

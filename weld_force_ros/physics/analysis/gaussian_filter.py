@@ -1,8 +1,8 @@
 """Take short waves out of a profile by the Gaussian profile filter of ISO 16610-21."""
 
 import numpy as np
+import scipy  # loads ndimage where it is first used
 from numpy.typing import ArrayLike
-from scipy.ndimage import gaussian_filter1d
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.physics.arrays import FloatArray
@@ -31,5 +31,5 @@ def smoothed(x_m: ArrayLike, z_m: ArrayLike, wavelength_m: float) -> FloatArray:
     x, z = np.asarray(x_m, dtype=np.float64), np.asarray(z_m, dtype=np.float64)
     grid = np.linspace(x[0], x[-1], max(2, round((x[-1] - x[0]) / RESAMPLED_STEP_M) + 1))
     deviation = _DEVIATION * wavelength_m / (grid[1] - grid[0])
-    filtered = gaussian_filter1d(np.interp(grid, x, z), deviation, mode="nearest", truncate=6.0)
+    filtered = scipy.ndimage.gaussian_filter1d(np.interp(grid, x, z), deviation, mode="nearest", truncate=6.0)
     return np.asarray(np.interp(x, grid, filtered))
