@@ -28,7 +28,7 @@ def send(publisher, content: dict) -> None:
 
 
 def wait_until_taken(publisher) -> None:
-    """Wait until all samples have arrived: a mark must not overtake them, and none may be lost at the end."""
+    """Wait until all messages have arrived: a mark must not overtake samples, and none may be lost at the end."""
     if not publisher.wait_for_all_acked(Duration(seconds=30)):
         sys.exit("the suite does not take what the trolley measures: is it running?")
 
@@ -39,18 +39,19 @@ def drive(lines, node) -> None:
     marks = node.create_publisher(String, "weld_marker", KEEP_ALL)
     while not (surface.get_subscription_count() and marks.get_subscription_count()):
         rclpy.spin_once(node, timeout_sec=0.1)
-    chainage, height = [], []
+    chainage, height, place = [], [], {}
     for line in itertools.chain(lines, [""]):
         if line[:1].isdigit():
-            x, z = line.split(",")
-            chainage.append(float(x))
-            height.append(float(z))
+            x, z = map(float, line.split(","))
+            chainage.append(x)
+            height.append(z)
+            place = {"chainage_m": x}  # in the mark, too: by the time it is taken the trolley may be farther on
         if chainage and (len(chainage) == BATCH or not line[:1].isdigit()):
             send(surface, {"chainage": chainage, "height": height, **UNITS})
             chainage, height = [], []
         if line.startswith("weld"):
             wait_until_taken(surface)
-            send(marks, {"weld_id": line.removeprefix("weld").strip() or "weld"})
+            send(marks, {"weld_id": line.removeprefix("weld").strip() or "weld", **place})
     wait_until_taken(surface)
     wait_until_taken(marks)
 
