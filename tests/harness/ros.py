@@ -127,6 +127,10 @@ class Probe:
                 wait_until(lambda: self._publishers[topic].get_subscription_count())
         self._publishers[topic].publish(String(data=data) if isinstance(data, str) else data)
 
+    def nodes(self) -> set[str]:
+        """The nodes that it knows of."""
+        return set(self._node.get_node_names())
+
     def publisher(self, topic: str, profile: Any, message_type: type = String) -> Any:
         """A publisher of its own beside that of `publish`."""
         return self._node.create_publisher(message_type, topic, profile)

@@ -1,6 +1,9 @@
 """The three nodes together: a file dropped, a verdict out, everything in the bag."""
 
 import json
+import subprocess
+import sys
+import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,7 +18,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 from std_msgs.msg import String
 
-from tests.harness.ros import Outcomes, Probe, QuickSimulator, profile_text, wait_until
+from tests.harness.ros import DEADLINE_S, Outcomes, Probe, QuickSimulator, profile_text, wait_until
 from weld_force_ros.assessment.judge import assess_vehicles
 from weld_force_ros.assessment.limits import worst
 from weld_force_ros.assessment.rule_books import load_limits
@@ -556,3 +559,32 @@ def test_namespaces_keep_two_rails_apart(domain_id: int, tmp_path: Path) -> None
         "left": ["left"],
         "right": ["right"],
     }
+
+
+def test_nodes_leave_the_graph_as_they_are_closed(domain_id: int, probe: Probe, folder: Path, tmp_path: Path) -> None:
+    """Others would publish to them for the twenty seconds after which a silent participant is given up."""
+    outcomes = Outcomes()
+    with running(outcomes, folder=folder, bag=tmp_path / "bag"):
+        wait_until(lambda: {f"{kind}_node" for kind in KINDS} <= probe.nodes())
+    gone_s = time.monotonic() + 5.0
+    wait_until(lambda: probe.nodes() == {"probe"})
+    assert time.monotonic() < gone_s
+
+
+def test_a_middleware_that_never_lets_go_keeps_no_process(domain_id: int, tmp_path: Path) -> None:
+    program = f"""
+import time
+from weld_force_ros.ros import lifecycle, node_suite
+
+node_suite.LEAVE_S = 0.5
+lifecycle.LifecycleNodeBase.destroy_node = lambda _: time.sleep(60.0)
+with node_suite.NodeSuite(("assessment",), parameters={{"assessment": {{"bag": {str(tmp_path / "bag")!r}}}}}):
+    pass
+"""
+    ended = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=DEADLINE_S, check=False
+    )
+    assert ended.returncode == 1
+    assert "Timeout" in ended.stderr
+    with AnyReader([tmp_path / "bag"]) as reader:  # its index was written
+        assert reader.message_count

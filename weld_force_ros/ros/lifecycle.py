@@ -129,6 +129,11 @@ class LifecycleNodeBase(LifecycleNode):
             self._configured = False
             self._resources.close()
 
+    def destroy_node(self) -> None:
+        """Leave the ROS graph, with the state machine that rclpy forgets and that would keep the node in it."""
+        super().destroy_node()
+        self._state_machine.destroy_when_not_in_use()
+
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Make topics and resources."""
         return self._attempt(self._configure_from_parameters)

@@ -5,6 +5,8 @@ with NodeSuite(parameters={"profile": {"folder": "measurements"}}, on_verdict=pr
     suite.drain(timeout_s=30.0)
 """
 
+import faulthandler
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -37,6 +39,8 @@ KINDS: tuple[Kind, ...] = ("profile", "simulator", "assessment")
 """The nodes of the suite, in the order in which messages pass them."""
 ALL_KINDS: tuple[Kind, ...] = ("trolley", *KINDS, "dashboard", "foxglove")
 DRAIN_S = 30.0
+LEAVE_S = 10.0
+"""How long the middleware may take to let nodes go."""
 _POLL_S = 0.02
 """Pause between two looks at a condition that has no event of its own."""
 _IDLE_POLLS = 5
@@ -179,11 +183,24 @@ class NodeSuite:
         if self._thread.is_alive():
             self._thread.join(CLOSE_S)
         with ExitStack() as stack:  # whatever one of them cannot complete, the others are closed
-            stack.callback(self._context.try_shutdown)
+            stack.callback(self._leave)
             for kind in reversed(ALL_KINDS):
                 if kind in self.nodes:
-                    stack.callback(self.nodes[kind].destroy_node)
                     stack.callback(self.nodes[kind].close)
+
+    def _leave(self) -> None:
+        """Take the nodes out of the ROS graph; the process ends with 1 if the middleware never comes back from it.
+
+        Fast DDS 2.14 waits for itself for ever if it hears of another participant at the wrong moment, and lets no
+        other thread of Python run meanwhile. All that is to be kept is closed by then.
+        """
+        faulthandler.dump_traceback_later(LEAVE_S, exit=True, file=sys.__stderr__ or 2)
+        try:
+            for node in self.nodes.values():
+                node.destroy_node()
+            self._context.try_shutdown()
+        finally:
+            faulthandler.cancel_dump_traceback_later()
 
     def _start_ros(self) -> None:
         remedy = "check the arguments after --ros-args"
