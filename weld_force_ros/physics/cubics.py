@@ -94,10 +94,12 @@ def monotone_cubics(knots: FloatArray, samples: FloatArray) -> PiecewiseCubic:
     """Return cubics that rise and fall where the samples do, after Fritsch & Butland (1984).
 
     Args:
-        knots: (n,), increasing, at least three.
+        knots: (n,), increasing, at least two, between which they are a line.
         samples: (n,).
     """
     width, slope = _widths_and_slopes(knots, samples)
+    if len(width) == 1:
+        return _through(knots, samples, np.repeat(slope, 2))
     same_way = np.sign(slope[1:]) * np.sign(slope[:-1]) > 0
     before, after = 2 * width[1:] + width[:-1], width[1:] + 2 * width[:-1]
     with np.errstate(divide="ignore", invalid="ignore"):

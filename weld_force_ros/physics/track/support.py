@@ -189,7 +189,7 @@ def _acausal_angle(rows: Rows) -> float:
     """Return by how much loss angles differ at most from Bode's, rad, over the middle half of a table's range."""
     step, decades = np.log(10) / _POINTS_A_DECADE, _DECADES_BEYOND * np.log(10)
     low, high = np.log(2 * np.pi * rows[0][0]), np.log(2 * np.pi * rows[-1][0])
-    inside = np.linspace(low, high, int(np.ceil((high - low) / step)) + 1)
+    inside = np.linspace(low, high, max(int(np.ceil((high - low) / step)), 3) + 1)
     stiffness = _interpolation(rows)(np.exp(inside) + 0j)
     size = spline(inside, np.log(np.abs(stiffness)))
     grid = np.arange(low - decades, high + decades, step)
