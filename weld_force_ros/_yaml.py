@@ -9,6 +9,7 @@ import yaml
 MAX_BYTES = 65_536
 """The size a file may have."""
 _MAX_DEPTH = 8
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # that of libyaml where PyYAML was built with it
 
 T = TypeVar("T")
 
@@ -36,7 +37,7 @@ def decode(data: bytes, kind: type[T]) -> T:
     """
     depth = 0
     try:
-        for event in yaml.parse(data, Loader=yaml.SafeLoader):
+        for event in yaml.parse(data, Loader=_LOADER):
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             line = event.start_mark.line + 1 if event.start_mark else 1
             if isinstance(event, yaml.NodeEvent) and (event.anchor or getattr(event, "tag", None)):

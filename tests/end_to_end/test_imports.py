@@ -82,6 +82,12 @@ def test_command_line_needs_no_optional_package():
     assert "simulate" in done.stdout
 
 
+def test_nodes_without_their_extra_say_which_it_is():
+    node = "import weld_force_ros.ros.nodes.folder_watcher"
+    done = subprocess.run([sys.executable, "-c", BLOCKED + node], capture_output=True, text=True, check=False)
+    assert "weld_force_ros[nodes]" in done.stderr
+
+
 def test_imports_point_one_way():
     lint = shutil.which("lint-imports", path=str(Path(sys.executable).parent))
     if lint is None:

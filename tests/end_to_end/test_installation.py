@@ -2,13 +2,19 @@
 
 import ast
 import os
+import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
 import xml.etree.ElementTree as ElementTree
+import zipfile
 from pathlib import Path
 
 import pytest
+
+from benchmarks.library import program
+from tests.docs.pages import shown_after
 
 pytestmark = pytest.mark.slow
 
@@ -135,6 +141,52 @@ def test_pip_installs_one_command_and_the_share(
     check_share(tmp_path / "venv", shares)
     found = run(python, "-c", f"import {PACKAGE}; print({PACKAGE}.__file__)", cwd=tmp_path)
     assert Path(found.stdout.strip()).is_relative_to(workspace if options else tmp_path), found.stderr
+
+
+@pytest.fixture(scope="module")
+def released(workspace: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """What `python -m build` makes of a clone."""
+    folder = tmp_path_factory.mktemp("dist")
+    done = run(sys.executable, "-m", "uv", "build", "--quiet", "--out-dir", folder, workspace / "src" / PACKAGE)
+    if done.returncode and "error sending request" in done.stderr.lower():
+        pytest.skip("the package index cannot be reached")
+    assert done.returncode == 0, done.stderr
+    return {"wheel": next(folder.glob("*.whl")), "sdist": next(folder.glob("*.tar.gz"))}
+
+
+def test_what_is_released_is_small_and_whole(released: dict[str, Path], workspace: Path):
+    """The source distribution holds what the tests read; pictures of the studies stay in the repository."""
+    assert all(file.stat().st_size < 5e6 for file in released.values())
+    clone = workspace / "src" / PACKAGE
+    cloned = {str(file.relative_to(clone)) for file in clone.rglob("*") if file.is_file()}
+    not_released = {name for name in cloned if name.startswith("docs/study/") or name in (".gitignore", "MANIFEST.in")}
+    with tarfile.open(released["sdist"]) as sdist:
+        in_sdist = {name.partition("/")[2] for name in sdist.getnames()}
+    assert cloned - not_released <= in_sdist
+    assert in_sdist & not_released <= {"MANIFEST.in"}
+
+    in_wheel = set(zipfile.ZipFile(released["wheel"]).namelist())
+    assert {name for name in cloned if name.startswith(f"{PACKAGE}/")} <= in_wheel
+    beside = {name.partition("/")[0] for name in in_wheel} - {PACKAGE}
+    assert {name.rpartition(".")[2] for name in beside} == {"data", "dist-info"}, "nothing else on the user's path"
+    assert f"{PACKAGE}/py.typed" in in_wheel
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["wheel", "sdist"])
+def test_a_release_works_in_an_empty_environment(kind: str, released: dict[str, Path], tmp_path: Path):
+    """It needs what `dependencies` names, and no extra."""
+    python = virtual_environment(tmp_path / "venv")
+    install(python, released[kind])
+    command, readme = python.with_name("weld-force"), ROOT / "README.md"
+    shutil.copy(ROOT / "examples/weld.csv", tmp_path)
+
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert run(command, "--version", cwd=tmp_path).stdout.strip() == f"{PACKAGE} {version}"
+    assessed = run(command, "assess", "weld.csv", "--limits", "force,banenor-531", "--json", "-", cwd=tmp_path)
+    assert assessed.returncode in (0, 1), assessed.stderr
+    assert '"decision"' in assessed.stdout
+    assert run(python, "-c", program(), cwd=tmp_path).stdout == shown_after(readme, program())
 
 
 def test_package_xml_agrees_with_the_project():

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from decimal import Decimal
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy  # loads its slow parts, such as interpolate, where they are first used
 
 from weld_force_ros.errors import InputError, ProfileError
 from weld_force_ros.measurement.weld_detection import detect
@@ -188,7 +188,7 @@ def bridged(record: Record) -> None:
             "check x_unit, or measure at 10 mm or finer without gaps",
         )
     x = [float(sample.x) for sample in whole]
-    cubics = [CubicSpline(x, [float(sample.z[i] or 0) for sample in whole]) for i in passes]
+    cubics = [scipy.interpolate.CubicSpline(x, [float(sample.z[i] or 0) for sample in whole]) for i in passes]
 
     def put(at: Decimal) -> list[Decimal | None]:
         return [Decimal(repr(round(float(cubic(float(at))), 12))) for cubic in cubics]

@@ -22,6 +22,7 @@ import numba
 import numpy as np
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
+from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 
 from weld_force_ros import _files
@@ -56,7 +57,7 @@ class _MachineCode(NullCache):  # type: ignore[misc]  # Numba ships no types for
         self._made_from = _made_from(function.__module__)
 
     def load_overload(self, signature: Any, target: Any) -> CompileResult | None:
-        target.refresh()
+        rtsys.initialize(target)
         for path in self._paths(signature, target.codegen()):
             with contextlib.suppress(OSError):
                 sealed = path.read_bytes()

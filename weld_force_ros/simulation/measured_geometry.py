@@ -5,11 +5,11 @@ The instrument's own form error, which no estimate takes out, is drawn beside it
 
 import numpy as np
 from msgspec import UnsetType
-from scipy.interpolate import CubicSpline
 
 from weld_force_ros.messages import FormError, WeldProfile, known
 from weld_force_ros.physics.analysis import adaptive_spline
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.cubics import spline
 
 _DRAWN = 32  # for a standard deviation
 _KNOTS_PER_LENGTH = 5  # of a form error, with a cubic between them
@@ -52,7 +52,7 @@ def _form_errors(x_m: FloatArray, error: FormError, samples: int, seed: int) -> 
     values, vectors = np.linalg.eigh(correlation)
     white = np.random.default_rng([seed, _FORM_STREAM]).standard_normal((samples, count))
     at_knots = error.deviation_m * (white * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-    return np.asarray(CubicSpline(knots, at_knots, axis=1)(x_m))
+    return np.asarray(spline(knots, at_knots.T)(x_m).T)
 
 
 def standard_deviation(profile: WeldProfile) -> FloatArray | None:

@@ -18,10 +18,10 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from weld_force_ros.errors import NumericalError
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
+from weld_force_ros.physics.cubics import periodic_spline
 from weld_force_ros.physics.passage.state_space import Propagation, first_order_hold
 from weld_force_ros.physics.track import beam
 from weld_force_ros.physics.track.beam import Track
@@ -141,8 +141,8 @@ def _periodic_spline(knots_m: FloatArray, values: ComplexArray, period_m: float,
     if len(knots_m) == 1:
         return np.repeat(values, len(at), axis=0)
     closed = np.concatenate([values, values[:1]])
-    spline = CubicSpline(np.append(knots_m, knots_m[0] + period_m), closed, bc_type="periodic")
-    return np.asarray(spline(np.mod(at, period_m)))
+    cubics = periodic_spline(np.append(knots_m, knots_m[0] + period_m), closed)
+    return np.asarray(cubics(knots_m[0] + np.mod(at - knots_m[0], period_m)))
 
 
 def in_pairs(values: ComplexArray) -> FloatArray:

@@ -19,11 +19,11 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator
 from threadpoolctl import threadpool_limits
 
 from weld_force_ros.errors import InputError, NumericalError
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
+from weld_force_ros.physics.cubics import monotone_cubics
 from weld_force_ros.physics.engines.common_poles import BAND_HZ
 from weld_force_ros.physics.engines.rational_fractions import (
     STEPS_PER_SECTION,
@@ -113,7 +113,7 @@ class FitTask:
         """Return frequencies, Hz, and the factors of a decision vector on the base weight, (n_frequency,) each."""
         logarithms = np.asarray(decision_vector, dtype=np.float64)[:-1]
         knots = np.linspace(np.log(BAND_HZ[0]), np.log(BAND_HZ[1]), len(logarithms))
-        return self._frequency, np.exp(PchipInterpolator(knots, logarithms)(np.log(self._frequency)))
+        return self._frequency, np.exp(monotone_cubics(knots, logarithms)(np.log(self._frequency)))
 
     def fit_at(self, decision_vector: ArrayLike) -> RfpModel:
         """Return the fit of a decision vector, (n_variable,).

@@ -73,9 +73,9 @@ def _starts_over(
     step_m = stride * solver.grid_m
     ends = np.ceil((positions_m + last_m - starts * solver.grid_m) / step_m).astype(np.int64)
     heights = np.empty((len(positions_m), int(ends.max()) + 1))
-    _scalar_passage.sampled(
-        wheel_path.spline.c, RESAMPLED_STEP_M, wheel_path.start_m, starts * solver.grid_m - positions_m, step_m, heights
-    )
+    first_samples_m = starts * solver.grid_m - positions_m
+    cubics = wheel_path.cubics.coefficients
+    _scalar_passage.sampled(cubics, RESAMPLED_STEP_M, wheel_path.start_m, first_samples_m, step_m, heights)
     return PassageStarts(starts, ends, -heights)
 
 

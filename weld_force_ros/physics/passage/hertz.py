@@ -7,7 +7,6 @@ goes with the load to the power of 2/3, which makes the constant of F = C approa
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 RAIL_CROWN_RADIUS_M = 0.3
@@ -71,7 +70,13 @@ class ContactRadii:
         flatter, sharper = sorted((self.along_per_m, self.across_per_m))
         if sharper <= flatter * (1 + 1e-9):
             return 1.0
-        return float(brentq(lambda ratio: _curvature_ratio(ratio) - sharper / flatter, 1e-3, 1 - 1e-9))
+        least, most = 1e-3, 1.0  # of which it halves the range: a root search of SciPy's costs more to import
+        while least < (ratio := (least + most) / 2) < most:
+            if _curvature_ratio(ratio) > sharper / flatter:
+                least = ratio
+            else:
+                most = ratio
+        return ratio
 
 
 def _curvature_ratio(minor_over_major: float) -> float:

@@ -14,10 +14,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.ndimage import grey_dilation, grey_erosion
 
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.physics.cubics import PiecewiseCubic, monotone_cubics, spline
 from weld_force_ros.physics.passage import _sampled_path
 
 RESAMPLED_STEP_M = 0.25e-3
@@ -58,12 +58,12 @@ class WheelPath:
     def at(self, x_m: FloatArray) -> FloatArray:
         """Return the height at any distances from the weld's centre, shape of `x_m`: cubic spline, zero outside."""
         inside = (x_m > self.start_m) & (x_m < self.end_m)
-        return np.where(inside, self.spline(np.clip(x_m, self.start_m, self.end_m)), 0.0)
+        return np.where(inside, self.cubics(np.clip(x_m, self.start_m, self.end_m)), 0.0)
 
     @cached_property
-    def spline(self) -> CubicSpline:
+    def cubics(self) -> PiecewiseCubic:
         """Return the height between the samples."""
-        return CubicSpline(self.start_m + RESAMPLED_STEP_M * np.arange(len(self.height_m)), self.height_m)
+        return spline(self.start_m + RESAMPLED_STEP_M * np.arange(len(self.height_m)), self.height_m)
 
 
 def wheel_path_over(
@@ -194,7 +194,7 @@ def _grid(x_m: FloatArray, reach_m: float) -> FloatArray:
 def _resampled(x_m: FloatArray, z_m: FloatArray, grid_m: FloatArray) -> FloatArray:
     """Return a profile on a grid, zero outside, by shape-preserving cubics: no peak that was not measured."""
     inside = (grid_m >= x_m[0]) & (grid_m <= x_m[-1])
-    return np.where(inside, PchipInterpolator(x_m, z_m)(np.clip(grid_m, x_m[0], x_m[-1])), 0.0)
+    return np.where(inside, monotone_cubics(x_m, z_m)(np.clip(grid_m, x_m[0], x_m[-1])), 0.0)
 
 
 def _reach(height_m: float, wheel_radius_m: float) -> float:

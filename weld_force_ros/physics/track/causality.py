@@ -9,9 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
+from weld_force_ros.physics.cubics import spline
 from weld_force_ros.physics.track import beam
 from weld_force_ros.physics.track.beam import StripRail, Track
 
@@ -54,7 +54,7 @@ def _receptance(track: Track, frequency: FloatArray, at_m: float, threads: int |
     if not isinstance(track.rail, StripRail):
         return np.asarray(beam.receptance(track, frequency, at_m)[0])
     knots = np.append(frequency[::_EVERY], frequency[-1])
-    return np.asarray(CubicSpline(knots, beam.receptance(track, knots, at_m, threads=threads)[0])(frequency))
+    return np.asarray(spline(knots, beam.receptance(track, knots, at_m, threads=threads)[0])(frequency))
 
 
 def acausal(track: Track, at_m: float, *, threads: int | None = None) -> Acausal:

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
+from weld_force_ros.physics.cubics import monotone_cubics, spline
 from weld_force_ros.physics.track.bending_sleeper import BendingSleeper
 
 # Radians: what rails lose and count as causal with all the same.
@@ -171,7 +171,8 @@ def _interpolation(rows: Rows) -> Callable[[ComplexArray], ComplexArray]:
     """Return the complex stiffness over angular frequency: a cubic of the logarithm between rows."""
     hz, stiffness, loss = np.array(rows).T
     knots = np.log(2 * np.pi * hz)
-    cubics = PchipInterpolator(knots, stiffness).c + 1j * PchipInterpolator(knots, stiffness * loss).c
+    storage, dissipation = monotone_cubics(knots, stiffness), monotone_cubics(knots, stiffness * loss)
+    cubics = storage.coefficients + 1j * dissipation.coefficients
 
     def at(omega: ComplexArray) -> ComplexArray:
         radius = np.log(np.maximum(np.abs(omega), np.finfo(float).tiny)).clip(knots[0], knots[-1])
@@ -188,12 +189,12 @@ def _acausal_angle(rows: Rows) -> float:
     """Return by how much loss angles differ at most from Bode's, rad, over the middle half of a table's range."""
     step, decades = np.log(10) / _POINTS_A_DECADE, _DECADES_BEYOND * np.log(10)
     low, high = np.log(2 * np.pi * rows[0][0]), np.log(2 * np.pi * rows[-1][0])
-    inside = np.linspace(low, high, int(np.ceil((high - low) / step)) + 1)
+    inside = np.linspace(low, high, max(int(np.ceil((high - low) / step)), 3) + 1)
     stiffness = _interpolation(rows)(np.exp(inside) + 0j)
-    size = CubicSpline(inside, np.log(np.abs(stiffness)))
+    size = spline(inside, np.log(np.abs(stiffness)))
     grid = np.arange(low - decades, high + decades, step)
     held = grid.clip(low, high)
-    rise = np.diff(size(held) + size(held, 1) * (grid - held))
+    rise = np.diff(size(held) + size.slope(held) * (grid - held))
     middle = (grid[1:] + grid[:-1]) / 2
     asked = inside[len(inside) // 4 : len(inside) - len(inside) // 4]
     weight = -np.log(np.tanh(np.abs(middle - asked[:, None]) / 2))

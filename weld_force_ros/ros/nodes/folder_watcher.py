@@ -8,9 +8,15 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import watchfiles
-
+from weld_force_ros.errors import InputError
 from weld_force_ros.measurement.profile_file import UNFINISHED
+
+try:
+    import watchfiles
+except ModuleNotFoundError:
+    raise InputError(
+        "nodes need watchfiles to watch a folder", "install it with `pip install 'weld_force_ros[nodes]'`"
+    ) from None
 
 BATCH_FILES = 16
 """How many files are handed over in one call: a simulator need not wait for all that are there."""
