@@ -45,7 +45,7 @@ from weld_force_ros.report.html_page import Report, page, page_of_records, paper
 from weld_force_ros.report.table_row import row
 from weld_force_ros.report.weld_detail import content
 from weld_force_ros.report.weld_section import section
-from weld_force_ros.simulation.settings import simulation_settings
+from weld_force_ros.simulation.settings import DEFAULT_TRACK, simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
 
 BAG = Path(__file__).parents[2] / "bags" / "demo"
@@ -117,7 +117,7 @@ def test_a_row_of_two_answers_holds_both_and_what_they_rest_on():
     basis = shown["basis"]
     assert [book.partition(":")[0] for book in basis["rule_books"]] == ["force", "banenor-531"]
     assert (basis["risk"], basis["static_n"], basis["line_kmh"]) == (0.05, 100e3, 160.0)
-    assert (basis["track"], basis["unsprung_kg"], basis["date"]) == ("bilbao", 600.0, "2026-11-20")
+    assert (basis["track"], basis["unsprung_kg"], basis["date"]) == (DEFAULT_TRACK, 600.0, "2026-11-20")
 
 
 def test_speeds_in_a_rows_words_are_rounded_down():
@@ -178,7 +178,7 @@ def test_the_front_says_what_is_stated_and_what_is_not():
     for words in (
         "Line not stated", "Measured on 2026-11-20", "Inspector not stated", "Instrument trolley 7",
         "Calibration not stated", "Line speed 160 km/h", "5 % of exceeding a limit", "3 of 9 numbers verified",
-        "static wheel load 100 kN, unsprung mass per wheel 600 kg", "towards rising x", "bilbao",
+        "static wheel load 100 kN, unsprung mass per wheel 600 kg", "towards rising x", DEFAULT_TRACK,
     ):  # fmt: skip
         assert words in front, words
     base = answered()
