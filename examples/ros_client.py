@@ -10,7 +10,10 @@ import time
 
 import rclpy
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
+
+KEPT = QoSProfile(depth=200, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # also what came before they heard of us
 
 
 def assess(node: Node, weld: dict, timeout_s: float = 60.0) -> dict:
@@ -30,7 +33,7 @@ def assess(node: Node, weld: dict, timeout_s: float = 60.0) -> dict:
             outcomes.append(outcome)
 
     for topic in ("verdict", "rejection"):
-        node.create_subscription(String, topic, keep_mine, 10)
+        node.create_subscription(String, topic, keep_mine, KEPT)
     publisher = node.create_publisher(String, "weld_profile", 10)
     while publisher.get_subscription_count() < 2 and time.monotonic() < deadline_s:  # simulator and assessment
         rclpy.spin_once(node, timeout_sec=0.1)
