@@ -173,7 +173,7 @@ def test_what_is_released_is_small_and_whole(released: dict[str, Path], workspac
 
 
 @pytest.mark.long
-@pytest.mark.timeout(600)  # everything is compiled anew
+@pytest.mark.timeout(1200)  # everything is compiled anew
 @pytest.mark.parametrize("kind", ["wheel", "sdist"])
 def test_a_release_works_in_an_empty_environment(kind: str, released: dict[str, Path], tmp_path: Path):
     """It needs what `dependencies` names, and no extra."""
