@@ -1,8 +1,9 @@
-"""The container file: what it copies is there and suffices, and its steps after apt's run in an environment like its own.
+"""The container file: what it copies is there and suffices; its steps after apt's run in a like environment.
 
 No image is built: that takes a registry of images.
 """
 
+import os
 import re
 import shlex
 import shutil
@@ -64,26 +65,25 @@ def test_its_commands_are_ones_that_the_program_takes(
 @pytest.mark.timeout(1800)
 def test_its_steps_run_over_the_libraries_of_ubuntu(tmp_path: Path):
     """In an environment over another that has apt's NumPy and SciPy, from nothing but what is copied."""
-    python = shutil.which("python3.12") or sys.executable
     below, above, source = tmp_path / "apt", tmp_path / "opt", tmp_path / "src"
+    outer = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    source.mkdir()
     for name in COPIED:
         copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
-        source.mkdir(exist_ok=True)
         copy(ROOT / name, source / name)
 
     def run(*command: str | Path) -> str:
-        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path, env={"HOME": "."})
+        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path, env=outer)
         assert done.returncode == 0, done.stderr
         return done.stdout
 
-    run(python, "-m", "venv", below)
+    for environment in (below, above):
+        run(sys.executable, "-m", "venv", environment)
     run(below / "bin/pip", "install", "--quiet", *OF_UBUNTU)
-    run(python, "-m", "venv", above)
-    (found,) = below.glob("lib/python*/site-packages")
-    (packages,) = above.glob("lib/python*/site-packages")
-    (packages / "apt.pth").write_text(str(found))  # as --system-site-packages does
+    (of_apt,) = below.glob("lib/python*/site-packages")
+    (own,) = above.glob("lib/python*/site-packages")
+    (own / "apt.pth").write_text(str(of_apt))  # as --system-site-packages does
     run(above / "bin/pip", "install", "--quiet", f"{source}{INSTALLED[1]}")
-    assert run(
-        above / "bin/python", "-c", "import numpy, scipy; print(numpy.__version__, scipy.__version__)"
-    ).split() == [requirement.partition("==")[2] for requirement in OF_UBUNTU]
+    versions = "import numpy, scipy; print('numpy==' + numpy.__version__, 'scipy==' + scipy.__version__)"
+    assert tuple(run(above / "bin/python", "-c", versions).split()) == OF_UBUNTU
     run(above / "bin/weld-force", "simulate", "weld-1-dip", "--uncertainty-samples", "0", "--json", "force_map.json")
