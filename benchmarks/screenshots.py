@@ -42,7 +42,7 @@ vehicles:
   freight: {static_load_n: 110.0e+3}
   passenger: {static_load_n: 70.0e+3, mass_kg: 600.0}
 sections:
-  - {name: plain-line, lines: [north], chainage_m: [0, 9000], track: bilbao}
+  - {name: plain-line, lines: [north], chainage_m: [0, 9000], track: bilbao-causal}
   - {name: slab-like, track: bilbao-continuous, vehicles: [passenger]}
 speeds: 80:300:20
 positions: 5

@@ -3,8 +3,8 @@
     import weld_force_ros as wf
 
     weld = wf.Profile(x_m, z_m, line_speed_kmh=160)
-    force_map = wf.Model("bilbao", "passenger").force_map(weld)
-    verdict = wf.assess(weld, wf.Model("bilbao", "passenger"))
+    force_map = wf.Model("bilbao-causal", "passenger").force_map(weld)
+    verdict = wf.assess(weld, wf.Model("bilbao-causal", "passenger"))
 
 NumPy arrays in, xarray and pandas out; everything in SI units but speeds in km/h, units in names and attributes. The
 public names are those of `__all__`, imported when they are first used, so that `import weld_force_ros` costs nothing;

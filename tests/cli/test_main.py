@@ -15,6 +15,7 @@ from weld_force_ros.cli.main import app, main
 from weld_force_ros.measurement.shapes import REFERENCE_SHAPES
 from weld_force_ros.messages import SCHEMAS, ForceMap, Verdict, decode, json_schema
 from weld_force_ros.recording.recording import open_recording
+from weld_force_ros.simulation.settings import DEFAULT_TRACK
 
 NEEDS_ROS = pytest.mark.skipif(find_spec("rclpy") is None, reason="without ROS, that is what is said")
 QUICK = ["--speeds", "60,120", "--positions", "0.1,0.4"]
@@ -196,6 +197,11 @@ def test_option_groups_show_each_option_once_and_arrive_as_objects(capfd):
     for command in ("simulate", "grind", "up"):
         help_text = " ".join(run(capfd, command, "--help")[1])
         assert all(help_text.count(f" {option} ") == 1 for option in ("--track", "--engine", "--wheel-mass"))
+
+
+def test_help_names_the_track_that_is_taken_where_none_is_given(capfd):
+    for command in ("assess", "simulate", "demo", "receptance"):
+        assert f"default: {DEFAULT_TRACK}." in " ".join(" ".join(run(capfd, command, "--help")[1]).split())
 
 
 def test_benchmarks_are_said_to_need_a_clone_where_there_is_none(capfd, tmp_path, monkeypatch):

@@ -138,7 +138,8 @@ def test_a_map_of_one_speed_is_a_point(capfd, tmp_path):
         force_map(),
         speeds_kmh=[80.0],
         curve=UNSET,
-        **{name: [1e5] for name in ("peak_force_n", "peak_x_m", "min_force_n", "contact_loss_s")},
+        peak_x_m=[0.3],
+        **{name: [1e5] for name in ("peak_force_n", "min_force_n", "contact_loss_s")},
     )
     code, out, _ = show(capfd, recording(tmp_path / "bag", replace(one, contact_loss_s=[0.0])))
     assert code == 0

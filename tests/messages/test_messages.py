@@ -1,6 +1,7 @@
 import hashlib
 import json
 import math
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -59,7 +60,8 @@ names = st.text(st.characters(codec="utf-8"), min_size=1, max_size=30)
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 positive = st.floats(0.1, 1e9)
 speeds = st.floats(0.1, 1000.0)
-metres = st.floats(-1e6, 1e6)
+metres = st.floats(-1e3, 1e3)
+chainages = st.floats(-1e8, 1e8)
 hashes = st.text("0123456789abcdef", min_size=64, max_size=64)
 header = {
     "schema_version": st.integers(0, 99).map(lambda minor: f"1.{minor}"),
@@ -78,7 +80,7 @@ def axis(values: st.SearchStrategy[float]) -> st.SearchStrategy[list[float]]:
 
 
 def cells(count: int) -> st.SearchStrategy[list[float]]:
-    return st.lists(numbers, min_size=count, max_size=count)
+    return st.lists(st.floats(-1e12, 1e12), min_size=count, max_size=count)
 
 
 @st.composite
@@ -91,7 +93,7 @@ def weld_profiles(draw: st.DrawFn) -> WeldProfile:
         st.builds(
             WeldProfile, weld_id=names, source=names, x_m=st.just(x), z_m=st.just(z),
             profile_sha256=st.just(profile_sha256(x, z)), source_sha256=maybe(hashes), rail=maybe(names),
-            instrument=maybe(names), chainage_m=maybe(metres), line_speed_kmh=maybe(speeds),
+            instrument=maybe(names), chainage_m=maybe(chainages), line_speed_kmh=maybe(speeds),
             weld_position_m=maybe(st.floats(0.0, 2.0)), conditioning=st.lists(texts, max_size=3), **header,
         )
     )  # fmt: skip
@@ -177,9 +179,9 @@ def force_maps(draw: st.DrawFn) -> ForceMap:
             engine=st.just("common-poles"), speeds_kmh=st.just(speeds_kmh), positions_m=st.just(positions_m),
             peak_force_n=values, peak_x_m=values, min_force_n=values, contact_loss_s=values, p2_force_n=maybe(values),
             force_20hz_n=maybe(values), measures=maybe(measures), curve=maybe(speed_curves()),
-            spread=maybe(spreads()), static_load_n=positive, span_m=positive,
+            spread=maybe(spreads()), static_load_n=positive, span_m=st.floats(0.2, 2.0),
             elapsed_s=st.floats(0.0, 1e6), line_speed_kmh=maybe(speeds),
-            weld_position_m=maybe(metres), chainage_m=maybe(metres), rail=maybe(names), **header,
+            weld_position_m=maybe(metres), chainage_m=maybe(chainages), rail=maybe(names), **header,
         )
     )  # fmt: skip
 
@@ -204,7 +206,7 @@ verdicts = st.builds(
     decision=decisions, reason=texts,
     criteria=st.lists(criteria, min_size=1, max_size=3), peak_force_n=numbers, static_load_n=numbers,
     worst_speed_kmh=speeds, worst_position_m=metres, worst_x_m=metres, judged_speed_kmh=positive,
-    chainage_m=maybe(metres), rail=maybe(names), unjudged=st.lists(names, **few),
+    chainage_m=maybe(chainages), rail=maybe(names), unjudged=st.lists(names, **few),
     by_position=st.lists(st.builds(PositionOutcome, position_m=metres, decision=decisions), **few),
     geometry_kind=maybe(st.sampled_from(["dip", "protrusion"])),
     curve_class=maybe(st.sampled_from(["rises", "hollow"])),
@@ -243,7 +245,7 @@ rail_surfaces = st.integers(1, 5).flatmap(
     )
 )  # fmt: skip
 weld_markers = st.builds(
-    WeldMarker, chainage_m=maybe(metres), weld_id=maybe(names), line_speed_kmh=maybe(speeds),
+    WeldMarker, chainage_m=maybe(chainages), weld_id=maybe(names), line_speed_kmh=maybe(speeds),
     weld_position_m=maybe(st.floats(0.0, 2.0)), **header,
 )  # fmt: skip
 inquiries = st.builds(Inquiry, profile_ids=st.lists(hashes, max_size=3), **header)
@@ -541,3 +543,22 @@ def test_profile_hash_sees_the_last_bit(heights: list[float], which: int):
 def test_topic_names_are_unique_and_every_message_has_one():
     assert len({topic.name for topic in TOPICS.values()}) == len(TOPICS)
     assert set(SCHEMAS) == set(Message.__subclasses__()) == set(MESSAGES)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("positions_m", [1e308]),
+        ("positions_m", [-2e3]),
+        ("span_m", 1e308),
+        ("weld_position_m", 1e308),
+        ("chainage_m", -1e308),
+        ("model_error", 1e308),
+        ("peak_force_n", [1.0, 1e308]),
+        ("peak_x_m", [1.0, -1e308]),
+    ],
+)
+def test_no_weld_has_such_a_place_or_such_a_force(field: str, value: Any):
+    with pytest.raises(MessageError) as refused:
+        decode(ForceMap, json.dumps(sample(ForceMap, **{field: value})))
+    assert re.fullmatch(rf"ForceMap: Expected `float` [<>]= \S+ - at `\$\.{field}(\[.\])?`; .*", str(refused.value))

@@ -59,4 +59,3 @@ def test_a_result_names_what_the_cache_reads():
     for name in ("lifted", "library"):
         assert hasattr(result, name), f"numba's CompileResult has no {name}: adapt physics/_numba_cache.py"
     assert hasattr(dispatcher.targetctx, "codegen")
-    assert hasattr(dispatcher.targetctx, "codegen")

@@ -25,7 +25,7 @@ from weld_force_ros.messages import (
 from weld_force_ros.recording import STRING, Recorder, string_cdr
 from weld_force_ros.recording.recording import Recording, open_recording
 from weld_force_ros.recording.what_if import NotComputed, read_change, what_if
-from weld_force_ros.simulation.settings import simulation_settings
+from weld_force_ros.simulation.settings import DEFAULT_TRACK, simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
 
 SPEEDS, POSITIONS = [60.0, 120.0], [0.1, 0.4]
@@ -110,7 +110,7 @@ def test_another_engine_is_the_one_that_computes(tmp_path, messages, weld):
 
 
 def test_the_recorded_settings_given_again_change_nothing(tmp_path, messages):
-    (found,) = what_if(recorded(tmp_path, messages), read_change(track="bilbao", speeds="60,120"))
+    (found,) = what_if(recorded(tmp_path, messages), read_change(track=DEFAULT_TRACK, speeds="60,120"))
     assert found.computed == found.recorded
     assert not found.decision_changed
 

@@ -39,8 +39,8 @@ test("every named line is read where the pointer is", () => {
 });
 
 test("a map is read by its cells", () => {
-  const values = Buffer.from(new Uint16Array([1000, 1100, 1200, 2345]).buffer).toString("base64");
-  const svg = {dataset: {values, speeds: "40 80", positions: "0 30", x: "-15 45 0 100", y: "20 100 200 0"}};
+  const svg = {dataset: {values: "AABVgA//", range: "100 235", speeds: "40 80", positions: "0 30", x: "-15 45 0 100", y: "20 100 200 0"}};
   assert.equal(readMap(svg, 0.9, 0.9).words, "80 km/h, 30 cm: 235 kN");
   assert.equal(readMap(svg, 0, 0).words, "40 km/h, 0 cm: 100 kN");
+  assert.equal(readMap(svg, 0, 0.9).words, "80 km/h, 0 cm: 168 kN");
 });

@@ -11,6 +11,7 @@ import termios
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 
 import psutil
@@ -24,15 +25,17 @@ pytestmark = pytest.mark.slow
 
 
 @contextmanager
-def up(folder: Path, bag: Path, log: Path, *more: str, terminal: int | None = None) -> Iterator[psutil.Popen]:
-    """The suite by its command line; its output goes to a file, which outlives it, its input is the terminal's."""
+def up(
+    folder: Path, bag: Path, log: Path, *more: str, terminal: int | None = None, reader: int | None = None
+) -> Iterator[psutil.Popen]:
+    """The suite by its command line; what it prints goes to files, which outlive it, its input is the terminal's."""
     options = ["--speeds", "80", "--positions", "2", "--uncertainty-samples", "0", *more]
     command = [sys.executable, "-m", "weld_force_ros.cli", "up", "--folder", str(folder), "--bag", str(bag), *options]
     with log.open("a") as output:
         process = psutil.Popen(
             command,
             stderr=output,
-            stdout=output,
+            stdout=output if reader is None else reader,
             stdin=subprocess.DEVNULL if terminal is None else terminal,
             start_new_session=True,
             preexec_fn=None if terminal is None else lambda: fcntl.ioctl(terminal, termios.TIOCSCTTY, 0),
@@ -118,6 +121,35 @@ def test_a_second_interrupt_ends_at_once_and_says_what_is_left(domain_id: int, f
     ended = count_outcomes(open_bag(bag))
     assert ended is not None
     assert (ended.measurements, ended.open) == (1, 1)
+
+
+@pytest.mark.parametrize("processes", [(), ("--processes",)], ids=["one process", "processes"])
+def test_verdicts_have_standard_output_and_go_on_without_a_reader(
+    processes: tuple[str, ...], domain_id: int, folder: Path, tmp_path: Path
+) -> None:
+    """`weld-force up ... | head -1`, or a `grep -q` that has found what it looked for."""
+    bag, log = tmp_path / "bag", tmp_path / "log"
+    (folder / "first.csv").write_text(profile_text(100))
+    reading, writing = os.pipe()
+    with up(folder, bag, log, *processes, reader=writing) as process:
+        os.close(writing)
+        with os.fdopen(reading) as pipe:
+            first = pipe.readline()
+        assert re.fullmatch(r"(ACCEPT|UNDECIDED) +first: .+\n", first)
+        for later in ("second", "third"):
+            (folder / f"{later}.csv").write_text(profile_text(100 + len(later)))
+            wait_until(partial(_is_judged, later, bag))
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(DEADLINE_S) == 0
+    said = log.read_text()
+    assert said.count("nobody reads the verdicts any more") == 1
+    assert not re.search("ACCEPT|UNDECIDED|Traceback|Broken pipe", said)
+    assert open_bag(bag).summary().closed
+    assert recorded(bag).judged == {"first", "second", "third"}
+
+
+def _is_judged(weld: str, bag: Path) -> bool:
+    return weld in recorded(bag).judged
 
 
 def _counts(bag: Path) -> set[tuple[str, str]]:

@@ -10,13 +10,21 @@ import numpy as np
 import platformdirs
 import pytest
 
+from weld_force_ros.assessment.assessor import Assessor
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.cli.main import main
+from weld_force_ros.measurement.profile_file import find, read_profile
 from weld_force_ros.physics.track.beam import sections, static_compliance
 from weld_force_ros.physics.track.support import Support, TabulatedSpring
 from weld_force_ros.simulation import fit_file, fit_store, track_file
 from weld_force_ros.simulation.few_passages import support_levels
 from weld_force_ros.simulation.sampling import supported
-from weld_force_ros.simulation.settings import load_uncertainty, simulation_settings
+from weld_force_ros.simulation.settings import (
+    DEFAULT_TRACK,
+    DEFAULT_UNCERTAINTY_SAMPLES,
+    load_uncertainty,
+    simulation_settings,
+)
 from weld_force_ros.simulation.simulator import Simulator
 from weld_force_ros.simulation.track_at_weld import TracksAtWelds
 
@@ -38,6 +46,25 @@ def test_a_first_verdict_with_intervals_on_the_papers_track_fits_nothing(cache: 
     Simulator(simulation_settings(track=track, uncertainty=load_uncertainty(32)), on_fit=made.append)
     assert made == []
     assert not cache.exists()
+
+
+@pytest.mark.skipif(
+    np.lib.NumpyVersion(np.__version__) < "2.0.0", reason="its exp differs in the last bit, so that two fits are made"
+)
+def test_a_first_assessment_by_default_fits_nothing_even_where_sleepers_might_hang(cache: Path):
+    made: list[str] = []
+    settings = simulation_settings(
+        speeds_kmh=[80.0], positions=1, uncertainty=load_uncertainty(DEFAULT_UNCERTAINTY_SAMPLES)
+    )
+    assert settings.track == DEFAULT_TRACK
+    found = Assessor([settings], load_limits(), on_fit=made.append).assess(read_profile(find("weld-1-dip")))
+    assert len(found.verdict.hanging) == 2
+    assert made == []
+    assert not cache.exists()
+
+
+def test_the_default_track_is_causal():
+    assert track_file.load(DEFAULT_TRACK).track.causal
 
 
 def test_a_bundled_fit_of_other_supports_is_what_fitting_gives():
@@ -116,7 +143,7 @@ def test_key_tells_chains_apart():
 
 @pytest.mark.parametrize(
     ("name", "engine"),
-    [(name, "common-poles") for name in track_file.shipped()] + [(name, "rfp") for name in PAPERS],
+    [(name, "common-poles") for name in track_file.shipped()] + [(name, "rfp") for name in (*PAPERS, DEFAULT_TRACK)],
 )
 def test_shipped_fits_hold_the_exact_static_stiffness_of_every_section(name: str, engine: str, cache: Path):
     definition = track_file.load(name)

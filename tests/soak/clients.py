@@ -106,7 +106,7 @@ def _start(folder: Path) -> "subprocess.Popen[bytes]":
     options = ["--speeds", "80,160", "--positions", "2", "--uncertainty-samples", "0"]
     places = ["--folder", str(folder / "measurements"), "--bag", str(folder / "bag")]
     command = [sys.executable, "-m", "weld_force_ros.cli", "up", *places, *options]
-    return subprocess.Popen(command, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL)
+    return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def main() -> int:

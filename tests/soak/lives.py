@@ -93,7 +93,7 @@ def _start(folder: Path, bag: Path) -> "subprocess.Popen[bytes]":
     options = ["--speeds", "80,160", "--positions", "2", "--uncertainty-samples", "0", "--processes"]
     command = [sys.executable, "-m", "weld_force_ros.cli", "up", "--folder", str(folder), "--bag", str(bag), *options]
     with (bag.parent / "log").open("ab") as log:
-        return subprocess.Popen(command, stderr=log, stdin=subprocess.DEVNULL, start_new_session=True)
+        return subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL, start_new_session=True)
 
 
 def _more_settled(listener: Listener, before: int) -> bool:

@@ -8,9 +8,9 @@ import pytest
 from weld_force_ros.physics.track import beam
 from weld_force_ros.physics.track.support import Spring, Support
 from weld_force_ros.simulation import track_file
-from weld_force_ros.studies import no_progress, variants_study
+from weld_force_ros.studies import fit_weights, no_progress, variants_study
 from weld_force_ros.studies.paper_variant import PaperVariant, continuous_like, fractions_of
-from weld_force_ros.studies.study_context import BILBAO, CONTINUOUS, StudyContext
+from weld_force_ros.studies.study_context import BILBAO, CONTINUOUS, DIP_48, DIP_96, StudyContext
 
 SMEARED = track_file.load(CONTINUOUS).track
 
@@ -74,4 +74,14 @@ def test_the_study_shows_what_differs_in_any_variant(monkeypatch):
     smeared, fractions, fitted = found.tables["tracks"].rows
     assert smeared[1:] == fractions[1:]
     assert fitted[6] < smeared[6]
-    assert len(found.pictures) == 2
+    assert len(found.pictures) == 3
+
+
+@pytest.mark.slow
+def test_the_papers_second_kinks_come_out_of_a_fit_that_favours_low_frequencies(monkeypatch):
+    """One exponent puts those of both dips where the paper has them: 112 and 230 km/h."""
+    monkeypatch.setattr(fit_weights, "EXPONENTS", (0.9,))
+    (effect,) = fit_weights.weight_effects(StudyContext())
+    assert [effect.speeds_kmh[dip][2] for dip in (DIP_48, DIP_96)] == pytest.approx([112.0, 230.0], rel=0.01)
+    assert [effect.speeds_kmh[dip][0] for dip in (DIP_48, DIP_96)] == pytest.approx([53.0, 107.0], rel=0.02)
+    assert effect.fit_error > 0.2

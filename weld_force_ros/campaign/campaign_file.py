@@ -16,6 +16,7 @@ from weld_force_ros.simulation.settings import (
     DEFAULT_POSITIONS,
     DEFAULT_RUNNING,
     DEFAULT_SPEEDS,
+    DEFAULT_TRACK,
     parse_positions,
     parse_speeds,
     simulation_settings,
@@ -63,7 +64,7 @@ class _Vehicle(msgspec.Struct, forbid_unknown_fields=True):
 
 class _SectionEntry(msgspec.Struct, forbid_unknown_fields=True):
     name: Label
-    track: str = "bilbao"
+    track: str = DEFAULT_TRACK
     lines: list[str] = []
     chainage_m: tuple[float, float] | None = None
     vehicles: list[Label] | None = None

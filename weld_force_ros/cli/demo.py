@@ -19,18 +19,21 @@ def demo(
     out: Annotated[
         Path | None, typer.Option(callback=in_existing_folder, help="New folder for files, bag and picture.")
     ] = None,
-    track: Track = "bilbao",
+    track: Track = None,
     trolley: Annotated[bool, typer.Option("--trolley", help="A simulated trolley measures instead of files.")] = False,
     json: Json = None,
 ) -> None:
     """Run the whole suite on this machine over the bundled welds, or a trolley's, and show the verdicts."""
     from weld_force_ros.cli import terminal, verdict_tables
+    from weld_force_ros.simulation.settings import DEFAULT_TRACK
 
     suite = ros_module("demo")
     folder = out or Path("weld-force-demo") / datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
     with terminal.progress() as bar:
         task = bar.add_task("measuring, simulating, judging", total=None if trolley else len(suite.demo_profiles()))
-        result = suite.run_demo(folder, track=track, on_outcome=lambda _: bar.advance(task), trolley=trolley)
+        result = suite.run_demo(
+            folder, track=track or DEFAULT_TRACK, on_outcome=lambda _: bar.advance(task), trolley=trolley
+        )
     recording = result.recording
     with json_output.lines(json) as lines:
         for outcome in (*recording.verdicts, *recording.rejections):

@@ -72,7 +72,7 @@ def _show(understood: "Understood") -> None:
         ("format", found["format"]),
         ("samples", f"{understood.samples}, usually {understood.spacing_m * 1e3:.4g} mm apart"),
         ("record", f"{profile.x_m[0] * 1e3:.4g} to {profile.x_m[-1] * 1e3:.4g} mm about the weld's centre"),
-        ("heights", f"{min(profile.z_m) * 1e3:.3g} to {max(profile.z_m) * 1e3:.3g} mm, up positive"),
+        ("heights", f"{min(profile.z_m) * 1e3:.3f} to {max(profile.z_m) * 1e3:.3f} mm, up positive"),
         ("written in steps of", _micrometres(found["resolution_m"])),
         ("measurement noise", f"{_micrometres(found['noise_m'])}, standard deviation; taken out" if found["noise_m"]
          else "none: samples taken as they are"),
@@ -80,7 +80,7 @@ def _show(understood: "Understood") -> None:
         ("wrong samples", f"{len(found['outliers'])} set aside" if found["outliers"] else "none"),
         *(("done", step) for step in profile.conditioning),
     ]  # fmt: skip
-    terminal.table(f"{profile.source}: {profile.weld_id}", [("", ""), ("understood", "")], rows)
+    terminal.table(f"{profile.source}: {profile.weld_id}", [("what", ""), ("understood", "")], rows)
     width = min(terminal.width(), 100)
     terminal.say(profile_plot(profile, width=width, unicode=terminal.can_draw()))
 

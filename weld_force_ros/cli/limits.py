@@ -15,6 +15,8 @@ from weld_force_ros.errors import InputError
 if TYPE_CHECKING:
     from weld_force_ros.messages import Limit
 
+_SHOWN_AS = {"m": (1e3, "mm"), "N": (1e-3, "kN"), "s": (1e3, "ms"), "rad": (1e3, "mrad"), "1": (1.0, "")}
+
 app = typer.Typer(no_args_is_help=True, help="Rule books: list them, check a file, write one to fill in.")
 
 
@@ -56,7 +58,9 @@ def check(
         for book in books.values():
             for limit in limits_of(book):
                 json_output.write(out, limit)
-    for name, book in books.items():
+    for number, (name, book) in enumerate(books.items()):
+        if number:
+            terminal.say("")
         rows = [_row(limit) for limit in limits_of(book)]
         heads = [("criterion", ""), ("line km/h", ""), ("limit", "right"), ("reject", "right"), ("source", "")]
         terminal.table(f"{name}: {book.title or 'limits'}", heads, rows)
@@ -92,7 +96,8 @@ def _row(limit: "Limit") -> Sequence[str]:
 def _number(limit: "Limit", value: float) -> str:
     if limit.form == "times_static":
         return f"{value:g} × static load"
-    number = f"{value * 1e3:g} mm" if limit.unit == "m" else f"{value:g} {'' if limit.unit == '1' else limit.unit}"
+    factor, unit = _SHOWN_AS.get(limit.unit, (1.0, limit.unit))
+    number = f"{value * factor:g} {unit}"
     return number.rstrip() + (" + static load" if limit.form == "plus_static" else "")
 
 

@@ -35,7 +35,9 @@ def in_existing_folder(option: typer.CallbackParam, path: Path | str | None) -> 
     raise InputError(f"{name}{path}: there is no folder {Path(path).parent}", "make it first, or name another place")
 
 
-Track = Annotated[str, typer.Option(help="A bundled track or the path of a track file (YAML).")]
+Track = Annotated[
+    str | None, typer.Option(help="A bundled track or the path of a track file (YAML); default: bilbao-causal.")
+]
 As = Annotated[
     str, typer.Option("--as", metavar="table|csv|json", help="What standard output holds; json is --json -.")
 ]
@@ -61,9 +63,7 @@ Plot = Annotated[
 class SimulationOptions:
     """Settings of a simulation; None stands for a command's own default, or that of a parameter file."""
 
-    track: Annotated[
-        str | None, typer.Option(help="A bundled track or the path of a track file (YAML); default: bilbao.")
-    ] = None
+    track: Track = None
     vehicle: Annotated[
         list[str] | None,
         typer.Option(

@@ -15,7 +15,7 @@ from weld_force_ros.errors import InputError
 def receptance(
     at: Annotated[str, typer.Option(help="Metres after the sleeper: 0.0,0.30.")] = "0.0",
     freq: Annotated[str, typer.Option(help="Frequencies in Hz: 50,100,200.")] = "50,100,200,500,1000",
-    track: Track = "bilbao",
+    track: Track = None,
     engine: Annotated[str, typer.Option(help="exact, or an engine's fit.")] = "exact",
     json: Json = None,
 ) -> None:
@@ -23,11 +23,12 @@ def receptance(
     from weld_force_ros.cli import terminal
     from weld_force_ros.simulation import track_file
     from weld_force_ros.simulation.receptances import point_receptance
+    from weld_force_ros.simulation.settings import DEFAULT_TRACK
 
     at_m, frequency_hz = _numbers("--at", at), _numbers("--freq", freq)
     if min(frequency_hz) <= 0:
         raise InputError(f"--freq {freq}: a frequency is not positive", "give frequencies in Hz above 0")
-    definition = track_file.load(track)
+    definition = track_file.load(track or DEFAULT_TRACK)
     with terminal.notes.status("computing receptances"):  # of a rail by strips, seconds
         h = point_receptance(definition, frequency_hz, at_m, engine=engine, on_fit=terminal.note)
     with json_output.lines(json) as out:

@@ -5,6 +5,7 @@ Where standard output holds CSV or JSON (`result_stream`), results for people go
 
 import csv
 import os
+import re
 import sys
 import textwrap
 from collections.abc import Iterable
@@ -22,6 +23,7 @@ _results = Console(highlight=False)
 notes = Console(stderr=True, highlight=False)
 """Where progress and notes are shown."""
 
+_WITH_ITS_UNIT = re.compile(r"(?<=\d) (?=(?:%|km/h|kN|Hz|m|cm|mm|um)(?!\w))")
 _WIDTH = 80
 _WIDTH_OF_FILES = 120
 
@@ -54,18 +56,28 @@ def plain(text: str) -> str:
 
 
 def say(text: str) -> None:
-    """Print one plain line of results; nothing in it is taken for markup."""
-    results().print(Text(plain(text)), soft_wrap=True)
+    """Print plain lines of results, broken between words at the terminal's width; nothing in it is taken for markup."""
+    for line in plain(text).split("\n"):
+        results().print(Text(_folded(line, width())), soft_wrap=True)
 
 
 def note(text: str) -> None:
-    """Print one plain line about what is being done, not part of the results."""
-    notes.print(Text(plain(text)), soft_wrap=True)
+    """Print one plain line about what is being done, not part of the results; only a terminal breaks it."""
+    notes.print(Text(plain(text)), soft_wrap=not notes.is_terminal)
 
 
 def say_wrapped(text: str) -> None:
-    """Print a line of results, broken between words at the width of the terminal."""
-    say(textwrap.fill(plain(text), min(width(), _WIDTH), subsequent_indent="  ", break_on_hyphens=False))
+    """Print sentences of results, in lines that are not too long to be read."""
+    say(_folded(plain(text), min(width(), _WIDTH)))
+
+
+def _folded(line: str, columns: int) -> str:
+    """Return a line that is too long in several, no word or quantity of it broken, the later ones indented."""
+    if len(line) <= columns:
+        return line
+    kept = _WITH_ITS_UNIT.sub("\N{NO-BREAK SPACE}", line)
+    lines = textwrap.wrap(kept, columns, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+    return "\n".join(lines).replace("\N{NO-BREAK SPACE}", " ")
 
 
 def can_draw() -> bool:

@@ -167,8 +167,14 @@ def _show_twin(track: "Track", twin: "CausalTwin") -> None:
             continue
         was, now = (spring.dynamic_stiffness(2 * np.pi * np.array(_SHOWN_HZ)) for spring in (old, new))
         terminal.table(
-            f"Spring {number} from the rail down: stiffness kN/mm and loss factor",
-            [("Hz", "right"), ("given", "right"), ("", "right"), ("causal", "right"), ("", "right")],
+            f"Spring {number} from the rail down",
+            [
+                ("Hz", "right"),
+                ("given kN/mm", "right"),
+                ("its loss factor", "right"),
+                ("causal kN/mm", "right"),
+                ("its loss factor", "right"),
+            ],
             [
                 (f"{hz:g}", *(text for k in pair for text in (f"{k.real * 1e-6:.4g}", f"{k.imag / k.real:.2f}")))
                 for hz, *pair in zip(_SHOWN_HZ, was, now, strict=True)
@@ -176,15 +182,17 @@ def _show_twin(track: "Track", twin: "CausalTwin") -> None:
         )
     bands = [(low, high, (twin.frequency_hz >= low) & (twin.frequency_hz < high)) for low, high in pairwise(_TWIN_HZ)]
     terminal.table(
-        "RMS difference of the receptance, % of what the contact sees",
-        [("band Hz", "right"), ("", "right")],
+        "RMS difference of the receptance, relative to what the contact sees",
+        [("band Hz", "right"), ("difference %", "right")],
         [
             (f"{low:g} - {high:g}", f"{100 * np.sqrt(np.mean(twin.difference[own] ** 2)):.1f}")
             for low, high, own in bands
         ]
         + [("all", f"{100 * np.sqrt(np.mean(twin.difference**2)):.1f}")],
     )
-    terminal.say("A loss factor that is the same at all frequencies is met by no track that answers after it is pushed")
+    terminal.say(
+        "A loss factor that is the same at all frequencies is met by no track that answers after it is pushed."
+    )
 
 
 def _within(measured: "MeasuredReceptance", band: str, file: Path) -> "MeasuredReceptance":
@@ -246,7 +254,9 @@ def _show(measured: "MeasuredReceptance", used: "MeasuredReceptance", found: "Id
         words, unit, size = _WORDS[one.name]
         note = "not told by the measurement" if one.at_bound or one.standard_error > 0.5 else ""
         rows.append((words, f"{one.value * size:.4g} {unit}".rstrip(), f"{100 * one.standard_error:.2g} %", note))
-    terminal.table("What was found", [("", ""), ("value", "right"), ("standard error", "right"), ("", "")], rows)
+    terminal.table(
+        "What was found", [("parameter", ""), ("value", "right"), ("standard error", "right"), ("note", "")], rows
+    )
     places = ["mid-span" if at else "over a sleeper" for at in used.at_spans]
     bands = [(low, high, measured.within(low, high)) for low, high in BANDS_HZ]
     terminal.table(
@@ -261,6 +271,6 @@ def _show(measured: "MeasuredReceptance", used: "MeasuredReceptance", found: "Id
     )  # fmt: skip
     if misfit(used, found.track).max() > _POOR_MISFIT:
         terminal.say(
-            "A track of pad, sleeper and ballast does not follow this measurement: look at its figure (--plot)"
+            "A track of pad, sleeper and ballast does not follow this measurement: look at its figure (--plot)."
         )
-    terminal.say("A hammer finds the unloaded track: pads and ballast are stiffer under a train")
+    terminal.say("A hammer finds the unloaded track: pads and ballast are stiffer under a train.")

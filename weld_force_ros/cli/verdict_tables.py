@@ -171,8 +171,8 @@ def reason(verdict: Verdict) -> str:
         for name, found in (("geometry", verdict.geometry), ("force", verdict.force))
         if isinstance(found, Answer) and found.decision != "accept"
     ]
-    if isinstance(verdict.measure_next, str):
-        parts.append(f"Next: {sentence_in_words(verdict.measure_next, verdict.criteria)}.")
+    if isinstance(verdict.measure_next, str) and not any(verdict.measure_next in part for part in parts):
+        parts.append(sentence(sentence_in_words(verdict.measure_next, verdict.criteria)))
     under = f" under {verdict.vehicle}" if isinstance(verdict.vehicle, str) else ""
     return (
         f"{verdict.weld_id}{under}: {' '.join(parts) or sentence(sentence_in_words(verdict.reason, verdict.criteria))}"
@@ -194,7 +194,7 @@ def answers_in_words(verdict: Verdict) -> list[str]:
         if isinstance(found, Answer)
     ]
     if isinstance(verdict.measure_next, str):
-        lines.append(f"Next: {sentence_in_words(verdict.measure_next, verdict.criteria)}.")
+        lines.append(sentence(sentence_in_words(verdict.measure_next, verdict.criteria)))
     if isinstance(verdict.accepted_risk, float):
         lines.append(f"Decided at an accepted risk of {verdict.accepted_risk:.0%}.".replace("%", " %"))
     return lines
@@ -231,8 +231,8 @@ def show_changed(title: str, changed: Iterable["Changed"]) -> None:
     table(
         title,
         [
-            ("", ""), ("weld", ""), ("decision", ""), ("peak kN", "right"), ("%", "right"), ("at km/h", "right"),
-            ("cm after sleeper", "right"),
+            ("changed", ""), ("weld", ""), ("decision", ""), ("peak kN", "whole right"), ("peak %", "right"),
+            ("at km/h", "whole right"), ("cm after sleeper", "whole right"),
         ],
         rows,
     )  # fmt: skip

@@ -11,6 +11,7 @@ from weld_force_ros.messages.fields import (
     MAX_TEXT,
     Cells,
     ChainageDirection,
+    ChainageM,
     CurveClass,
     Decision,
     Direction,
@@ -305,7 +306,7 @@ class Verdict(Message, kw_only=True):
     worst_position_m: Metres
     worst_x_m: Metres
     judged_speed_kmh: Annotated[float, Meta(description="km/h, the highest speed that was judged", gt=0.0)]
-    chainage_m: Metres | UnsetType = UNSET
+    chainage_m: ChainageM | UnsetType = UNSET
     rail: Name | UnsetType = UNSET
     unjudged: Annotated[list[Name], Meta(max_length=100)] = []
     by_position: Annotated[list[PositionOutcome], Meta(max_length=MAX_POSITIONS)] = []

@@ -7,9 +7,9 @@ from msgspec import UNSET, Meta, UnsetType
 from weld_force_ros.messages.fields import (
     MAX_TEXT,
     Batch,
+    ChainageM,
     LengthUnit,
     Message,
-    Metres,
     Name,
     Number,
     ProfileId,
@@ -62,7 +62,7 @@ class RailSurface(Message, kw_only=True):
 class WeldMarker(Message, kw_only=True):
     """A weld's place: at `chainage_m`, or where the trolley is now; what is known of it goes into its profile."""
 
-    chainage_m: Metres | UnsetType = UNSET
+    chainage_m: ChainageM | UnsetType = UNSET
     weld_id: Name | UnsetType = UNSET
     line_speed_kmh: SpeedKmh | UnsetType = UNSET
     weld_position_m: (

@@ -18,10 +18,10 @@ from weld_force_ros.messages.fields import (
     MAX_SAMPLES,
     MIN_PROFILE_SAMPLES,
     ChainageDirection,
+    ChainageM,
     GeometryKind,
     IrregularityKind,
     Message,
-    Metres,
     Name,
     ProfileId,
     Running,
@@ -91,10 +91,11 @@ class WeldProfile(Message, kw_only=True):
     source_sha256: Sha256 | UnsetType = UNSET
     rail: Name | UnsetType = UNSET
     instrument: Name | UnsetType = UNSET
-    chainage_m: Metres | UnsetType = UNSET
+    chainage_m: ChainageM | UnsetType = UNSET
     line_speed_kmh: SpeedKmh | UnsetType = UNSET
     weld_position_m: (
-        Annotated[float, Meta(description="m of the weld's centre after the preceding sleeper", ge=0.0)] | UnsetType
+        Annotated[float, Meta(description="m of the weld's centre after the preceding sleeper", ge=0.0, le=1e3)]
+        | UnsetType
     ) = UNSET
     conditioning: Annotated[list[Text], Meta(max_length=50)] = []
     measured_x_m: Samples | UnsetType = UNSET
@@ -140,9 +141,11 @@ class WeldProfile(Message, kw_only=True):
 class EdgeReading(msgspec.Struct, kw_only=True, frozen=True):
     """Readings under a straightedge of a length that is laid over the weld, both positive."""
 
-    base_m: Annotated[float, Meta(description="m, length of the straightedge", gt=0.0)]
-    peak_m: Annotated[float, Meta(description="m, highest place above the line between the edge's ends", ge=0.0)]
-    dip_m: Annotated[float, Meta(description="m, lowest place below it", ge=0.0)]
+    base_m: Annotated[float, Meta(description="m, length of the straightedge", gt=0.0, le=1e3)]
+    peak_m: Annotated[
+        float, Meta(description="m, highest place above the line between the edge's ends", ge=0.0, le=1e3)
+    ]
+    dip_m: Annotated[float, Meta(description="m, lowest place below it", ge=0.0, le=1e3)]
 
 
 class ProfileMeasures(msgspec.Struct, kw_only=True, frozen=True):

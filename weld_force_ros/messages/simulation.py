@@ -13,6 +13,7 @@ from weld_force_ros.messages.fields import (
     MAX_TEXT,
     MAX_VEHICLES,
     Cells,
+    ChainageM,
     Direction,
     Engine,
     Message,
@@ -248,7 +249,7 @@ class ForceMap(Message, kw_only=True):
     min_force_n: Cells
     contact_loss_s: Cells
     static_load_n: Annotated[float, Meta(description="N", gt=0.0)]
-    span_m: Annotated[float, Meta(description="m, the sleeper spacing that positions repeat with", gt=0.0)]
+    span_m: Annotated[float, Meta(description="m, the sleeper spacing that positions repeat with", gt=0.0, le=1e3)]
     model_error: (
         Annotated[
             float,
@@ -257,6 +258,7 @@ class ForceMap(Message, kw_only=True):
                 " that comes from fitting this track in time; large where loss factors are not causal; what the model"
                 " leaves out is the rules' model_uncertainty",
                 ge=0.0,
+                le=1e3,
             ),
         ]
         | UnsetType
@@ -277,7 +279,7 @@ class ForceMap(Message, kw_only=True):
     spread: UncertaintyResult | UnsetType = UNSET
     line_speed_kmh: SpeedKmh | UnsetType = UNSET
     weld_position_m: Metres | UnsetType = UNSET
-    chainage_m: Metres | UnsetType = UNSET
+    chainage_m: ChainageM | UnsetType = UNSET
     rail: Name | UnsetType = UNSET
     running: Running | UnsetType = UNSET
     against: OppositeDirection | UnsetType = UNSET

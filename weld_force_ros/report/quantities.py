@@ -23,9 +23,9 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def quantity(value: float, unit: str) -> str:
-    """Return a quantity in SI units under the unit that people use."""
+    """Return a quantity in SI units under the unit that people use; no length is finer than a micrometre."""
     factor, shown = UNITS.get(unit, (1.0, unit))
-    return f"{number(value * factor)} {shown}".rstrip()
+    return f"{number(round(value * factor, 3) if unit == 'm' else value * factor)} {shown}".rstrip()
 
 
 def unit_of(name: str, unit: str) -> str:

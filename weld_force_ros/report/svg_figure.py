@@ -19,6 +19,7 @@ _VIRIDIS = (
     (109, 205, 89), (180, 222, 44), (253, 231, 37),
 )  # fmt: skip
 _SHADES = 32
+_UNSEEN = 2  # units: a fifth of a pixel
 
 
 @dataclass(frozen=True)
@@ -88,12 +89,13 @@ class Panel:
     def line(self, x: ArrayLike, y: ArrayLike, css: str, name: str = "", unit: str = "") -> None:
         """Draw a line; one with a name can be read off."""
         read = f' data-name="{escape(name)}" data-unit="{escape(unit)}" data-y="{_axis(self.y)}"' if name else ""
-        self.parts.append(f'<path class="{css}" d="{_steps(self.x.at(x), self.y.at(y))}"{read}/>')
+        self.parts.append(f'<path class="{css}" d="{_steps(*_needed(self.x.at(x), self.y.at(y)))}"{read}/>')
 
     def band(self, x: ArrayLike, low: ArrayLike, high: ArrayLike, css: str) -> None:
         """Fill what lies between two lines."""
-        along, below, above = self.x.at(x), self.y.at(low), self.y.at(high)
-        outline = _steps(np.concatenate([along, along[::-1]]), np.concatenate([below, above[::-1]]))
+        along = self.x.at(x)
+        (x_low, y_low), (x_high, y_high) = (_needed(along, self.y.at(side)) for side in (low, high))
+        outline = _steps(np.concatenate([x_low, x_high[::-1]]), np.concatenate([y_low, y_high[::-1]]))
         self.parts.append(f'<path class="{css}" d="{outline}z"/>')
 
     def dots(self, x: ArrayLike, y: ArrayLike, css: str) -> None:
@@ -227,6 +229,24 @@ def _steps(x: NDArray[np.int64], y: NDArray[np.int64]) -> str:
     for dx, dy in zip(np.diff(x).tolist(), np.diff(y).tolist(), strict=True):
         parts.append(f"{dx}{'' if dy < 0 else ' '}{dy}")
     return parts[0] + " ".join(parts[1:]).replace(" -", "-")
+
+
+def _needed(x: NDArray[np.int64], y: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the points of a line, x rising, without which it would pass another by more than `_UNSEEN` in height."""
+    kept, first, low, high = [0], 0, -np.inf, np.inf
+    for i in range(1, len(x)):
+        run = x[i] - x[first]
+        if not (run and low <= (y[i] - y[first]) / run <= high):
+            first, low, high = i - 1, -np.inf, np.inf
+            kept += [first] if kept[-1] < first else []
+            run = x[i] - x[first]
+        if run:
+            low, high = max(low, (y[i] - _UNSEEN - y[first]) / run), min(high, (y[i] + _UNSEEN - y[first]) / run)
+        else:  # straight up or down
+            first, low, high = i, -np.inf, np.inf
+            kept.append(i)
+    kept += [len(x) - 1] if kept[-1] < len(x) - 1 else []
+    return x[kept], y[kept]
 
 
 def _text(x: float, y: float, text: str, css: str) -> str:

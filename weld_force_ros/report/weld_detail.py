@@ -1,6 +1,5 @@
 """Collect the numbers of one weld's figures and tables: no more points than a screen shows."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -12,7 +11,7 @@ from weld_force_ros.assessment.criteria import FORCE_CRITERIA, gradient_norm_rad
 from weld_force_ros.assessment.grinding_spots import ends_in_words
 from weld_force_ros.assessment.hanging import sleeper_share_sentences, support_sentences
 from weld_force_ros.assessment.judge import told_apart
-from weld_force_ros.assessment.limits import decides, levels, within_limits
+from weld_force_ros.assessment.limits import decides, levels
 from weld_force_ros.assessment.rule_books import limits_by_book, verified_of
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import (
@@ -35,7 +34,6 @@ from weld_force_ros.physics.passage.wheel_path import underside, wheel_path_over
 from weld_force_ros.recording.weld_records import WeldRecord
 from weld_force_ros.report.numbers import decimals, short, significant, thinned, without_none
 from weld_force_ros.simulation.force_map_view import (
-    Passages,
     RelevantMap,
     force_curve,
     relevant_range,
@@ -115,22 +113,11 @@ def _curves(
             "unit": unit,
             "values": decimals(values, -2) if unit == "N" else [significant(v, 4) for v in values.tolist()],
             "limits": applied,
-            "within": _within(stated or [_as_limit(c) for c in of_verdict], speeds, worst),
         })  # fmt: skip
     content = {"speeds_kmh": short(speeds.tolist()), "series": series, "best": _lowest_peaks(relevant)}
     if share is not None:
         content |= {"error_share": significant(share, 3), "static_n": force_map.static_load_n}
     return content
-
-
-def _within(limits: Sequence[Limit], speeds_kmh: FloatArray, worst: Passages) -> str:
-    """Return a character a speed: 1 if all speeds up to it are within the limits of a line of that speed, else 0."""
-    return "".join("1" if ok else "0" for ok in within_limits(speeds_kmh, worst.accumulated(), limits))
-
-
-def _as_limit(criterion: Criterion) -> Limit:
-    c = criterion
-    return Limit(name=c.name, limit=c.limit, reject_limit=c.limit, unit=c.unit, source=c.source, decides=c.decides)
 
 
 def _limit(limit: Limit | Criterion, static_load_n: float) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Draw a weld: its geometry with the quality index, force over speed, one passage, and the map of forces."""
 
-import base64
+import string
 from collections.abc import Sequence
 from typing import Any
 
@@ -23,6 +23,7 @@ _TOP = 32.0
 _BELOW = 34.0  # for the axis
 _LIMITS = ("limit", "reject_limit")
 _MOST_SPEEDS = 100
+_STEPS = 64**2 - 1
 
 Content = dict[str, Any]
 
@@ -77,7 +78,7 @@ def _draw_rail(panel: Panel, profile: Content, grinding: Content | None, words: 
         return np.asarray(1e6 * np.array(profile[name]))
 
     if "low_m" in profile:
-        panel.band(x_mm[::2], heights("low_m")[::2], heights("high_m")[::2], "likely")
+        panel.band(x_mm, heights("low_m"), heights("high_m"), "likely")
     if "measured_x_m" in profile:
         panel.dots(1e3 * np.array(profile["measured_x_m"]), heights("measured_z_m"), "samples")
         wrong_um = np.clip(heights("wrong_z_m"), panel.y.low, panel.y.high)  # they may lie far off
@@ -236,10 +237,17 @@ def map_figure(content: Content, record: WeldRecord, words: Words) -> str:
     )  # fmt: skip
     return figure(
         250, label, [panel], _direction(record, words), "map",
-        values=base64.b64encode(np.round(peaks / 100).astype("<u2").tobytes()).decode(),
+        values=_in_digits(peaks, low, high), range=f"{low / 1e3:.6g} {high / 1e3:.6g}",
         speeds=" ".join(f"{v:g}" for v in speeds), positions=" ".join(f"{100 * v:.4g}" for v in positions),
         y=f"{rows[0]:.6g} {rows[-1]:.6g} {SCALE * panel.y.start:.0f} {SCALE * panel.y.end:.0f}",
     )  # fmt: skip
+
+
+def _in_digits(values: NDArray[np.float64], low: float, high: float) -> str:
+    """Return values between two as two digits of base 64 each: three quarters of their bytes in Base64."""
+    digits = np.array(list(string.ascii_uppercase + string.ascii_lowercase + string.digits + "+/"))
+    steps = np.round(_STEPS * (values.ravel() - low) / max(high - low, 1e-12)).astype(int)
+    return "".join(digits[np.column_stack([steps // 64, steps % 64]).ravel()])
 
 
 def _edges(centres: NDArray[np.float64]) -> NDArray[np.float64]:

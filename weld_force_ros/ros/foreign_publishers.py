@@ -82,4 +82,4 @@ class TolerantSubscription:
         self._taken[key] = None
         if len(self._taken) > _REMEMBERED:
             self._taken.popitem(last=False)
-        self._take(message._replace(qos=self._recorded_as))
+        self._take(message._replace(qos=self._recorded_as, tolerated=message.qos != self._recorded_as))

@@ -1,4 +1,4 @@
-"""Run nodes as a program until a signal, and print their outcomes."""
+"""Run nodes as a program until a signal: outcomes on standard output, what becomes of the nodes on standard error."""
 
 import argparse
 import os
@@ -11,9 +11,9 @@ from types import FrameType
 from typing import Any
 
 from weld_force_ros.errors import InputError, WeldForceError
-from weld_force_ros.messages import Rejection, Verdict
 from weld_force_ros.recording.folder_lock import shown_as_stopping
 from weld_force_ros.ros.node_suite import ALL_KINDS, DRAIN_S, Kind, NodeSuite, in_flow_order
+from weld_force_ros.ros.outcome_lines import OutcomePrinter
 
 _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _ORPHAN_DRAIN_S = 5.0
@@ -40,11 +40,9 @@ def run_node(
         InputError: arguments or parameters that cannot be used.
         WeldForceError: the node cannot work.
     """
-    return run_until_signal(
-        NodeSuite((kind,), ros_args=ros_args, on_verdict=print_outcome, on_rejection=print_outcome),
-        drain_s,
-        supervisor,
-    )
+    with OutcomePrinter() as outcomes:
+        suite = NodeSuite((kind,), ros_args=ros_args, on_verdict=outcomes.print, on_rejection=outcomes.print)
+        return run_until_signal(suite, drain_s, supervisor)
 
 
 def run_suite(
@@ -57,14 +55,15 @@ def run_suite(
         ros_args: as on a ROS command line, from `--ros-args` on.
         drain_s: how long what was taken may take to finish when stopped.
     """
-    suite = NodeSuite(
-        in_flow_order(parameters),
-        parameters=parameters,
-        ros_args=ros_args,
-        on_verdict=print_outcome,
-        on_rejection=print_outcome,
-    )
-    return run_until_signal(suite, drain_s)
+    with OutcomePrinter() as outcomes:
+        suite = NodeSuite(
+            in_flow_order(parameters),
+            parameters=parameters,
+            ros_args=ros_args,
+            on_verdict=outcomes.print,
+            on_rejection=outcomes.print,
+        )
+        return run_until_signal(suite, drain_s)
 
 
 def run_until_signal(suite: NodeSuite, drain_s: float = DRAIN_S, supervisor: int | None = None) -> int:
@@ -98,18 +97,8 @@ def run_until_signal(suite: NodeSuite, drain_s: float = DRAIN_S, supervisor: int
     return 1 if left or open_count else 0
 
 
-def print_outcome(outcome: Verdict | Rejection) -> None:
-    """Print an outcome in one line."""
-    if isinstance(outcome, Verdict):
-        speed = f"; {outcome.advice[0]}" if outcome.advice and outcome.decision != "accept" else ""
-        under = f" under {outcome.vehicle}" if isinstance(outcome.vehicle, str) else ""
-        print_line(f"{outcome.decision.upper():10} {outcome.weld_id}{under}: {outcome.reason}{speed}")
-    else:
-        print_line(f"UNREADABLE {outcome.source}: {outcome.reason}; {outcome.remedy}")
-
-
 def print_line(text: str) -> None:
-    """Print one line on standard error, at once; a terminal that was closed stops nobody."""
+    """Print one line about the nodes on standard error, at once; a terminal that was closed stops nobody."""
     with suppress(OSError):
         print(" ".join(text.split()) if "\n" in text else text, file=sys.stderr, flush=True)
 

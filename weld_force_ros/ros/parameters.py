@@ -14,6 +14,7 @@ from weld_force_ros import _yaml
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import SimulationSettings, legible
 from weld_force_ros.simulation.settings import (
+    DEFAULT_TRACK,
     DEFAULT_UNCERTAINTY_SAMPLES,
     load_uncertainty,
     parse_positions,
@@ -87,7 +88,7 @@ PARAMETERS: dict[str, tuple[NodeParameter, ...]] = {
     ),
     "simulator_node": (
         _AUTOSTART,
-        NodeParameter("track", "bilbao", "a bundled track, or the path of a track file (YAML)"),
+        NodeParameter("track", DEFAULT_TRACK, "a bundled track, or the path of a track file (YAML)"),
         NodeParameter(
             "vehicle",
             "",

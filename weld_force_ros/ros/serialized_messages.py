@@ -20,7 +20,8 @@ _SLOW_SUBSCRIBER_S = 2.0
 class SerializedMessage(NamedTuple):
     """A serialised message of any topic, as it is recorded; times are nanoseconds since the epoch.
 
-    `number` is the middleware's count of its publisher's messages.
+    `number` is the middleware's count of its publisher's messages, `tolerated` whether it came by a subscription that
+    asks for less than its topic's own.
     """
 
     topic: str
@@ -30,6 +31,7 @@ class SerializedMessage(NamedTuple):
     received_ns: int
     sent_ns: int
     number: int = 0
+    tolerated: bool = False
 
 
 class RecordedPublisher:

@@ -169,7 +169,7 @@ def make_moving(definition: TrackDefinition, usual: PolesFit) -> PolesFit | Movi
 def fitted_window(
     definition: TrackDefinition, supports: LocalSupports, *, on_fit: Callable[[str], None] | None = None
 ) -> PolesFit:
-    """Return the fit of a track near supports that differ: cached, or made now and cached; see `fitted`.
+    """Return the fit of a track near supports that differ: bundled, cached, or made now and cached; see `fitted`.
 
     Raises:
         InputError: the track or the supports have no such fit.
@@ -179,8 +179,13 @@ def fitted_window(
     key = hashlib.sha256(
         msgspec.json.encode([_WINDOW_VERSION, key_of(definition), asdict(supports)], order="sorted")
     ).hexdigest()
-    announcement = f"fitting track {definition.track.name} with supports of its own, once: some ten seconds"
-    fit = _kept(key, lambda: _make_window(definition, supports, key), announcement, on_fit)
+    name = definition.track.name
+    announcement = f"fitting track {name} with supports of its own, once: some ten seconds"
+    sleepers = ", ".join(f"{change.sleeper} x {change.below:g}" for change in supports.changes)
+    fit = _kept(
+        key, lambda: _make_window(definition, supports, key), announcement, on_fit,
+        bundled=f"{name}, sleepers {sleepers}.common-poles",
+    )  # fmt: skip
     assert isinstance(fit, PolesFit), "windows are fitted by common poles"  # noqa: S101
     return fit
 

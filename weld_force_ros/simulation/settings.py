@@ -29,7 +29,7 @@ from weld_force_ros.simulation import track_file, vehicle_file
 from weld_force_ros.simulation.track_file import TrackDefinition
 from weld_force_ros.simulation.vehicle_file import Vehicle
 
-DEFAULT_TRACK = "bilbao"
+DEFAULT_TRACK = "bilbao-causal"
 DEFAULT_SPEEDS = "20:300:5"
 DEFAULT_POSITIONS = "15"
 DEFAULT_UNCERTAINTY_SAMPLES = 32

@@ -98,14 +98,24 @@ def _with_factors(track: Track, factors: FloatArray) -> Track:
     return replace(track, support=support)
 
 
-def fractions_of(track: Track) -> RfpModel:
-    """Return rational fractions of a continuous track by least squares of relative errors, static compliance exact."""
+def fractions_of(track: Track, *, favour_low: float = 0.0) -> RfpModel:
+    """Return rational fractions of a continuous track by least squares, static compliance exact.
+
+    Errors have the weight 1 / (|h| f^n), n being `favour_low`: 0 makes them relative.
+    """
     frequency_hz = np.linspace(*FIT_BAND_HZ, _FIT_FREQUENCIES)
     at = np.zeros(1)
     exact = beam.receptance(track, frequency_hz, at)
-    weight = 1 / np.abs(exact)
+    weight = (FIT_BAND_HZ[0] / frequency_hz) ** favour_low / np.abs(exact)
     denominator, numerator = fit_sections(
         frequency_hz, exact, weight, beam.static_compliance(track, at), DEGREE,
         start=common_denominator(frequency_hz, exact, weight, DEGREE),
     )  # fmt: skip
     return RfpModel(denominator, numerator, track.spacing_m)
+
+
+def relative_difference(model: RfpModel, track: Track) -> float:
+    """Return the RMS of a model's error relative to a continuous track's receptance, over the fits' band."""
+    frequency_hz = np.linspace(*FIT_BAND_HZ, _FIT_FREQUENCIES)
+    ratio = model.receptance(frequency_hz, 0.0) / beam.receptance(track, frequency_hz, 0.0)
+    return float(np.sqrt(np.mean(np.abs(ratio - 1) ** 2)))

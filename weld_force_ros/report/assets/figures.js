@@ -1,6 +1,7 @@
 // Reading values off figures: pointer, finger and arrow keys end in the line of words below them.
 
 const SVG = "http://www.w3.org/2000/svg";
+const DIGITS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 
 /**
  * Values and places, in the figure's units, at both ends of an axis.
@@ -73,13 +74,13 @@ function readLines(svg, share) {
  * @param {number} up share of the height
  */
 function readMap(svg, right, up) {
-  const bytes = Uint8Array.from(atob(svg.dataset.values ?? ""), (c) => c.charCodeAt(0));
-  const forces = new DataView(bytes.buffer);
-  const [speeds, positions] = [svg.dataset.speeds, svg.dataset.positions].map((text) => (text ?? "").split(" ").map(Number));
+  const [speeds, positions, [low, high]] = [svg.dataset.speeds, svg.dataset.positions, svg.dataset.range].map((text) => (text ?? "").split(" ").map(Number));
   const [x, y] = [axisFrom(svg.dataset.x), axisFrom(svg.dataset.y)];
   const c = nearest(positions, x[0] + right * (x[1] - x[0]));
   const r = nearest(speeds, y[0] + up * (y[1] - y[0]));
-  const peak = forces.getUint16(2 * (r * positions.length + c), true) / 10;
+  const cell = 2 * (r * positions.length + c);
+  const [tens, ones] = [...(svg.dataset.values ?? "").slice(cell, cell + 2)].map((digit) => DIGITS.indexOf(digit));
+  const peak = low + ((64 * tens + ones) / 4095) * (high - low);
   return {at: placeOf(x, positions[c]), high: placeOf(y, speeds[r]),
     words: word("script.cell", {speed: shortNumber(speeds[r]), position: shortNumber(positions[c]), peak: shortNumber(peak)})};
 }

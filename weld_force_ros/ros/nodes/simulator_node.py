@@ -5,6 +5,8 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any
 
+from std_msgs.msg import String
+
 from weld_force_ros.assessment.judge import Simulates, deciding_history, simulate_vehicles
 from weld_force_ros.messages import (
     TOPICS,
@@ -17,10 +19,10 @@ from weld_force_ros.messages import (
     WeldProfile,
     identity,
 )
+from weld_force_ros.ros import qos
 from weld_force_ros.ros.contract_topics import ContractTopics
 from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
 from weld_force_ros.ros.parameters import settings_from_parameters
-from weld_force_ros.ros.qos import KEPT_DEPTH
 from weld_force_ros.ros.serialized_messages import SerializedMessage
 from weld_force_ros.ros.worker import Worker
 from weld_force_ros.simulation import simulator
@@ -32,10 +34,14 @@ _OUTCOME_FOLLOWS_S = 4.0
 class SimulatorNode(LifecycleNodeBase):
     """Computes in one worker thread, which also loads track and fit; callbacks only queue, up to a limit.
 
-    A measurement that has its outcome is not computed again; one that is sent again for want of an outcome is. Of
-    several vehicles each has a force map and a history; if one cannot be computed, none is published but a Rejection. A
-    history is that of the passage that decides the verdict on its map by the limits that the assessment node published
-    last; as long as none are known, that of the highest peak.
+    A measurement that has its outcome is not computed again; one that is sent again for want of an outcome is. One
+    whose publisher may not keep it is published once more and kept: the default quality of service sends nothing to an
+    assessment node that hears of the publisher a moment too late, and no verdict is to be recorded without its
+    measurement.
+
+    Of several vehicles each has a force map and a history; if one cannot be computed, none is published but a
+    Rejection. A history is that of the passage that decides the verdict on its map by the limits that the assessment
+    node published last; as long as none are known, that of the highest peak.
 
     Args:
         load: returns the simulator for given settings; called in the worker thread.
@@ -54,11 +60,13 @@ class SimulatorNode(LifecycleNodeBase):
         self._settings = settings_from_parameters(values)
         self._settled: OrderedDict[str, None] = OrderedDict()
         self._computed_s: OrderedDict[str, float] = OrderedDict()
+        self._passed_on: set[bytes] = set()
         self._simulators: list[Simulates]
         self._limits: AssessmentSettings | None = None
         self.topics = self._resources.enter_context(
             ContractTopics(self, [SimulationSettings, ForceMap, ForceHistory, Rejection], group=self.intake_group)
         )
+        self._profiles = self.topics.add_publisher(String, TOPICS[WeldProfile].name, qos.RESENT)
         self._publish_settings()
         self._worker: Worker[SerializedMessage | list[SimulationSettings]] = Worker(
             "simulator", self._handle, self.topics.report_problem, self._prepare, on_room=self.wake
@@ -101,7 +109,7 @@ class SimulatorNode(LifecycleNodeBase):
         settled = self.topics.decode_or_report(Settled, incoming)
         for profile_id in settled.profile_ids if settled is not None else ():
             self._settled[profile_id] = None
-        while len(self._settled) > KEPT_DEPTH[Settled]:
+        while len(self._settled) > qos.KEPT_DEPTH[Settled]:
             self._settled.popitem(last=False)
 
     def _note_limits(self, serialized: SerializedMessage) -> None:
@@ -118,9 +126,17 @@ class SimulatorNode(LifecycleNodeBase):
             self._simulators, self._settings = [self._load(one) for one in item], item
             self._publish_settings()
             return
+        if item.cdr in self._passed_on:  # the copy comes back
+            self._passed_on.remove(item.cdr)
+            return
         incoming = self.topics.receive(WeldProfile, item)
         profile = self.topics.decode_or_reject(WeldProfile, incoming)
-        if profile is None or identity(profile) in self._settled:
+        if profile is not None and identity(profile) in self._settled:
+            return
+        if item.tolerated:
+            self._passed_on.add(item.cdr)
+            self._profiles.publish_recorded(item.cdr)
+        if profile is None:
             return
         computed_s = self._computed_s.get(identity(profile), float("-inf"))
         if time.monotonic() - computed_s >= _OUTCOME_FOLLOWS_S:
@@ -141,7 +157,7 @@ class SimulatorNode(LifecycleNodeBase):
             for its_simulator, force_map in zip(self._simulators, force_maps, strict=True):
                 self._publish_history(profile, its_simulator, force_map)
         self._computed_s[profile_id] = time.monotonic()
-        while len(self._computed_s) > KEPT_DEPTH[ForceMap]:
+        while len(self._computed_s) > qos.KEPT_DEPTH[ForceMap]:
             self._computed_s.popitem(last=False)
 
     def _publish_history(self, profile: WeldProfile, its_simulator: Simulates, force_map: ForceMap) -> None:
