@@ -185,7 +185,7 @@ def test_a_release_works_in_an_empty_environment(kind: str, released: dict[str, 
     version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
     assert run(command, "--version", cwd=tmp_path).stdout.strip() == f"{PACKAGE} {version}"
     assessed = run(
-        command, "assess", "weld.csv", "--limits", "force,banenor-531", "--json", "-", cwd=tmp_path, timeout=280.0
+        command, "assess", "weld.csv", "--limits", "force,banenor-531", "--json", "-", cwd=tmp_path, timeout=900.0
     )
     assert assessed.returncode in (0, 1), assessed.stderr
     assert '"decision"' in assessed.stdout
