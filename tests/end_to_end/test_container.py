@@ -26,7 +26,7 @@ COPIED = {
     for *sources, target in [rest.split()]
     for source in sources
 }
-INSTALLED = re.search(r"pip install --no-cache-dir '/src(\[.*?\])'", TEXT)
+INSTALLED = re.search(r"pip install --no-cache-dir '/src(\[.*?\])' '(.*)'", TEXT)
 OF_UBUNTU = ("numpy==1.26.4", "scipy==1.11.4")  # 24.04, below ROS Jazzy
 
 
@@ -83,7 +83,7 @@ def test_its_steps_run_over_the_libraries_of_ubuntu(tmp_path: Path):
     (of_apt,) = below.glob("lib/python*/site-packages")
     (own,) = above.glob("lib/python*/site-packages")
     (own / "apt.pth").write_text(str(of_apt))  # as --system-site-packages does
-    run(above / "bin/pip", "install", "--quiet", f"{source}{INSTALLED[1]}")
+    run(above / "bin/pip", "install", "--quiet", f"{source}{INSTALLED[1]}", INSTALLED[2])
     versions = "import numpy, scipy; print('numpy==' + numpy.__version__, 'scipy==' + scipy.__version__)"
     assert tuple(run(above / "bin/python", "-c", versions).split()) == OF_UBUNTU
     run(above / "bin/weld-force", "simulate", "weld-1-dip", "--uncertainty-samples", "0", "--json", "force_map.json")
