@@ -59,7 +59,7 @@ CURVE = SpeedCurve(
     ],
 )
 def test_force_criteria_by_hand(name: str, by_hand: list[float]):
-    values = FORCE_CRITERIA[name](Passages.of_message(CURVE, STATIC_N, (2,)))
+    values = FORCE_CRITERIA[name].value(Passages.of_message(CURVE, STATIC_N, (2,)))
     assert values == pytest.approx(by_hand)
 
 

@@ -37,7 +37,7 @@ NODES = {"profile_node", "simulator_node", "assessment_node", "trolley_node", "d
 def run(*command: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
     environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "AMENT_PREFIX_PATH")}
     return subprocess.run(
-        command, capture_output=True, text=True, check=False, env=environment, timeout=120.0, **options
+        command, capture_output=True, text=True, check=False, env=environment, **({"timeout": 120.0} | options)
     )
 
 
@@ -173,6 +173,7 @@ def test_what_is_released_is_small_and_whole(released: dict[str, Path], workspac
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1200)  # everything is compiled anew
 @pytest.mark.parametrize("kind", ["wheel", "sdist"])
 def test_a_release_works_in_an_empty_environment(kind: str, released: dict[str, Path], tmp_path: Path):
     """It needs what `dependencies` names, and no extra."""
@@ -183,7 +184,9 @@ def test_a_release_works_in_an_empty_environment(kind: str, released: dict[str, 
 
     version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
     assert run(command, "--version", cwd=tmp_path).stdout.strip() == f"{PACKAGE} {version}"
-    assessed = run(command, "assess", "weld.csv", "--limits", "force,banenor-531", "--json", "-", cwd=tmp_path)
+    assessed = run(
+        command, "assess", "weld.csv", "--limits", "force,banenor-531", "--json", "-", cwd=tmp_path, timeout=900.0
+    )
     assert assessed.returncode in (0, 1), assessed.stderr
     assert '"decision"' in assessed.stdout
     assert run(python, "-c", program(), cwd=tmp_path).stdout == shown_after(readme, program())

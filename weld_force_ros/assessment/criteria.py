@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from msgspec import UNSET, UnsetType
@@ -12,36 +13,45 @@ from weld_force_ros.physics.analysis.geometry import NORM_MRAD
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.simulation.force_map_view import Passages
 
-FORCE_CRITERIA: Mapping[str, Callable[[Passages], FloatArray | None]] = {
-    "peak_force": lambda p: p.peak_force_n,
-    "p2_force": lambda p: p.p2_force_n,
-    "force_20hz": lambda p: p.force_20hz_n,
-    "dynamic_factor": lambda p: p.peak_force_n / p.static_load_n,
-    "hertz_pressure_index": lambda p: np.cbrt(p.peak_force_n / p.static_load_n),
-    "unloading": lambda p: 1 - p.min_force_n / p.static_load_n,
-    "contact_loss": lambda p: p.contact_loss_s,
+
+@dataclass(frozen=True)
+class ForceCriterion:
+    """A criterion of a wheel's passages.
+
+    Attributes:
+        value: of every passage; None where that was not computed.
+        column: of `Passages`, which the value is a function of; it gets worse with it.
+        at_rest: value of a wheel at rest; None: the static wheel load.
+    """
+
+    value: Callable[[Passages], FloatArray | None]
+    column: str
+    at_rest: float | None = None
+
+    @property
+    def at_the_peak(self) -> bool:
+        """Return whether its place along the rail is that of the maximum force."""
+        return self.column == "peak_force_n"
+
+
+FORCE_CRITERIA: Mapping[str, ForceCriterion] = {
+    "peak_force": ForceCriterion(lambda p: p.peak_force_n, "peak_force_n"),
+    "p2_force": ForceCriterion(lambda p: p.p2_force_n, "p2_force_n"),
+    "force_20hz": ForceCriterion(lambda p: p.force_20hz_n, "force_20hz_n"),
+    "dynamic_factor": ForceCriterion(lambda p: p.peak_force_n / p.static_load_n, "peak_force_n", 1.0),
+    "hertz_pressure_index": ForceCriterion(lambda p: np.cbrt(p.peak_force_n / p.static_load_n), "peak_force_n", 1.0),
+    "unloading": ForceCriterion(lambda p: 1 - p.min_force_n / p.static_load_n, "min_force_n", 0.0),
+    "contact_loss": ForceCriterion(lambda p: p.contact_loss_s, "contact_loss_s", 0.0),
 }
-"""Value of each criterion in every passage. The maximum Hertz pressure grows with the cube root of the force (Johnson,
-Contact Mechanics, 1985, chapter 4), for any curvatures: the index is relative to the pressure under static load."""
+"""The maximum Hertz pressure grows with the cube root of the force (Johnson, Contact Mechanics, 1985, chapter 4), for
+any curvatures: the index is relative to the pressure under static load."""
 
-AT_REST = {
-    "dynamic_factor": 1.0, "hertz_pressure_index": 1.0, "unloading": 0.0, "contact_loss": 0.0,
-}  # fmt: skip
-"""Value of each criterion of a wheel at rest; of the others it is the static wheel load."""
 
-COLUMN_OF: Mapping[str, str] = {
-    "peak_force": "peak_force_n",
-    "p2_force": "p2_force_n",
-    "force_20hz": "force_20hz_n",
-    "dynamic_factor": "peak_force_n",
-    "hertz_pressure_index": "peak_force_n",
-    "unloading": "min_force_n",
-    "contact_loss": "contact_loss_s",
-}
-"""The column of passages that each criterion is a function of; all grow as it gets worse."""
+def value_at_rest(name: str, static_load_n: float) -> float:
+    """Return a force criterion's value of a wheel at rest."""
+    at_rest = FORCE_CRITERIA[name].at_rest
+    return static_load_n if at_rest is None else at_rest
 
-AT_THE_PEAK = ("peak_force", "dynamic_factor", "hertz_pressure_index")
-"""Criteria whose place along the rail is that of the maximum force."""
 
 EDGE_CRITERIA: Mapping[str, Callable[[FloatArray, FloatArray], FloatArray]] = {
     "straightedge_peak": lambda peak, dip: peak,

@@ -14,7 +14,7 @@ import numpy as np
 from msgspec import UNSET, UnsetType
 from scipy.special import ndtr
 
-from weld_force_ros.assessment.criteria import AT_REST, GEOMETRY_CRITERIA
+from weld_force_ros.assessment.criteria import GEOMETRY_CRITERIA, value_at_rest
 from weld_force_ros.assessment.limits import Levels, decides, ratio
 from weld_force_ros.assessment.probability import (
     CONTACT,
@@ -108,7 +108,7 @@ def model_deviation(
     if name in GEOMETRY_CRITERIA:
         return np.zeros_like(values)
     share = force_share(relevant, rows)
-    rest = AT_REST.get(name, relevant.passages.static_load_n)
+    rest = value_at_rest(name, relevant.passages.static_load_n)
     return np.asarray(share * np.abs(values - rest) * (1.0 if name != "contact_loss" else 0.0))
 
 

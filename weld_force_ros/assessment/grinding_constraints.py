@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from weld_force_ros.assessment.criteria import (
-    AT_REST,
     EDGE_CRITERIA,
     FORCE_CRITERIA,
     GEOMETRY_CRITERIA,
     gradient_norm_rad,
+    value_at_rest,
 )
 from weld_force_ros.assessment.decision import model_deviation
 from weld_force_ros.assessment.grinding_search import Profile
@@ -146,7 +146,7 @@ class LimitConstraints:
         if isinstance(rules.accepted_risk, UnsetType):
             return 1.0
         rows = [] if isinstance(rules.model_uncertainty, UnsetType) else rules.model_uncertainty
-        rest = AT_REST.get(limit.name, relevant.passages.static_load_n)
+        rest = value_at_rest(limit.name, relevant.passages.static_load_n)
         away = float(model_deviation(limit.name, np.array(rest + 1.0), relevant, rows)) * -float(
             ndtri(rules.accepted_risk)
         )
@@ -162,7 +162,7 @@ class LimitConstraints:
 
     def _values(self, limit: Limit, profile: Profile, passages: Passages) -> FloatArray:
         if limit.name not in GEOMETRY_CRITERIA:
-            values = FORCE_CRITERIA[limit.name](passages)
+            values = FORCE_CRITERIA[limit.name].value(passages)
             assert values is not None, "all forces are computed"  # noqa: S101
             return values
         return np.atleast_1d(self._of_geometry(limit, *profile))

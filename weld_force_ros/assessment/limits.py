@@ -61,7 +61,7 @@ def within_limits(speeds_kmh: FloatArray, worst: Passages, limits: Sequence[Limi
     """
     within = np.ones(len(speeds_kmh), dtype=np.bool_)
     for limit in limits:
-        values = FORCE_CRITERIA[limit.name](worst) if decides(limit) and limit.name in FORCE_CRITERIA else None
+        values = FORCE_CRITERIA[limit.name].value(worst) if decides(limit) and limit.name in FORCE_CRITERIA else None
         if values is not None:
             within &= ~_in_force(limit, speeds_kmh) | (values <= levels(limit, worst.static_load_n).limit)
     return within

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 
 from weld_force_ros.assessment.coverage import uncomputed, unseen
 from weld_force_ros.assessment.criteria import (
-    AT_THE_PEAK,
-    COLUMN_OF,
     FORCE_CRITERIA,
     GEOMETRY_CRITERIA,
     geometry_values,
@@ -128,7 +126,7 @@ def evaluate(
 def _values(limit: Limit, relevant: RelevantMap, gradient_norm: Sequence[NormPoint]) -> FloatArray | None:
     """Return a criterion's values, (n_speed, n_position) or of geometry (1, n_position); None if not computed."""
     if limit.name not in GEOMETRY_CRITERIA:
-        return FORCE_CRITERIA[limit.name](relevant.passages)
+        return FORCE_CRITERIA[limit.name].value(relevant.passages)
     value = geometry_values(limit, relevant.force_map.measures, relevant.line_kmh, gradient_norm)
     return None if value is None else np.full((1, len(relevant.positions_m)), value)
 
@@ -177,12 +175,13 @@ def _criterion(limit: Limit, applied: Levels, values: FloatArray, relevant: Rele
     )
     if limit.name in GEOMETRY_CRITERIA:
         return criterion
+    of_passages = FORCE_CRITERIA[limit.name]
     return replace(
         criterion,
         speed_kmh=float(relevant.speeds_kmh[row]),
         position_m=float(relevant.positions_m[column]),
-        x_m=float(relevant.peak_x_m[row, column]) if limit.name in AT_THE_PEAK else UNSET,
-        running=relevant.direction(COLUMN_OF[limit.name], row, column),
+        x_m=float(relevant.peak_x_m[row, column]) if of_passages.at_the_peak else UNSET,
+        running=relevant.direction(of_passages.column, row, column),
     )
 
 
@@ -211,7 +210,7 @@ def _sampled(
         found = geometry_values(limit, spread, relevant.line_kmh, gradient_norm)
         return None if found is None else found[:, None]
     shape = (len(spread.support_factor), len(spread.positions_m))
-    return FORCE_CRITERIA[limit.name](Passages.of_message(spread, relevant.passages.static_load_n, shape))
+    return FORCE_CRITERIA[limit.name].value(Passages.of_message(spread, relevant.passages.static_load_n, shape))
 
 
 class _TwoAnswers(NamedTuple):

@@ -101,7 +101,7 @@ def _curves(
     speeds, worst = force_curve(relevant)
     series = []
     for name in dict.fromkeys(["peak_force", *(c.name for c in verdict.criteria)]):
-        values = FORCE_CRITERIA[name](worst) if name in FORCE_CRITERIA else None
+        values = FORCE_CRITERIA[name].value(worst) if name in FORCE_CRITERIA else None
         if values is None:
             continue
         of_verdict = [c for c in verdict.criteria if c.name == name]

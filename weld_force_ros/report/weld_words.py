@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from msgspec import UNSET, UnsetType
 
 from weld_force_ros._words import Words
-from weld_force_ros.assessment.criteria import AT_REST, FORCE_CRITERIA, GEOMETRY_CRITERIA, sentence_in_words
+from weld_force_ros.assessment.criteria import FORCE_CRITERIA, GEOMETRY_CRITERIA, sentence_in_words, value_at_rest
 from weld_force_ros.assessment.judge import permitted_kmh, told_apart
 from weld_force_ros.assessment.limits import ratio, worst
 from weld_force_ros.messages import Answer, Criterion, GrindingAdvice, Limit, Verdict, known
@@ -160,7 +160,7 @@ def _model_error(criterion: Criterion, record: WeldRecord) -> float | None:
     if force_map is None or criterion.name not in FORCE_CRITERIA or criterion.name in _NOT_LINEAR:
         return None
     share = told_apart(relevant_range(force_map), record.limits) if record.limits else known(force_map.model_error)
-    rest = AT_REST.get(criterion.name, record.verdict.static_load_n)
+    rest = value_at_rest(criterion.name, record.verdict.static_load_n)
     return None if share is None else share * abs(criterion.value - rest)
 
 
