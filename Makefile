@@ -3,23 +3,31 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
-EXTRAS := .[ros,report,campaign,docs,test]
+DOCS := $(VENV)/.docs
+EXTRAS := .[ros,report,campaign,test]
+
+# uv takes a third of pip's time; where it cannot be had or finds no index, pip installs the same.
+define install
+$(BIN)/python -m pip install --quiet --disable-pip-version-check uv -c constraints.txt && \
+  $(BIN)/uv pip install --quiet --python $(BIN)/python --compile-bytecode -c constraints.txt -e '$(1)' || \
+  $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '$(1)'
+endef
 
 .PHONY: run test test-long test-fast test-lowest coverage lint warm bench bench-campaign soak screenshots format schema docs
 
 run: $(READY)
 	$(BIN)/weld-force demo
 
-test: $(READY)
+test: $(DOCS)
 	$(BIN)/pytest -n 3 --dist loadfile # more than cores: tests of nodes mostly wait
 
-coverage: $(READY)
+coverage: $(DOCS)
 	$(BIN)/pytest -n 2 --dist loadfile --cov --cov-fail-under=90
 
-test-long: $(READY)
+test-long: $(DOCS)
 	$(BIN)/pytest -n 2 --dist loadfile --long -m long
 
-test-fast: $(READY)
+test-fast: $(DOCS)
 	$(BIN)/pytest -n 2 --dist loadfile -m 'not slow'
 
 # The lowest versions that pyproject.toml allows, which are those of Ubuntu 24.04 where that has them: the science, the
@@ -36,10 +44,10 @@ $(LOWEST)/.ready: pyproject.toml $(READY)
 	touch $@
 
 # The documentation, into out/site; needs no network, and a warning is an error.
-docs: $(READY)
+docs: $(DOCS)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-lint: $(READY)
+lint: $(DOCS)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -80,8 +88,10 @@ schema: $(READY)
 $(READY): pyproject.toml constraints.txt setup.py setup.cfg package.xml launch/weld_force.launch.py
 	$(PYTHON) -c 'import sys; sys.exit(0 if (3, 11) <= sys.version_info[:2] < (3, 14) else "Python 3.11 to 3.13 is needed; name it: make PYTHON=python3.12")'
 	$(PYTHON) -m venv $(VENV)
-	@# uv takes a third of pip's time; where it cannot be had or finds no index, pip installs the same.
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv -c constraints.txt && \
-	  $(BIN)/uv pip install --quiet --python $(BIN)/python --compile-bytecode -c constraints.txt -e '$(EXTRAS)' || \
-	  $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '$(EXTRAS)'
+	$(call install,$(EXTRAS))
 	touch $(READY)
+
+# The site's builder is no part of what runs, and needs Python 3.11.5.
+$(DOCS): $(READY)
+	$(call install,.[docs])
+	touch $(DOCS)

@@ -155,7 +155,11 @@ def _tell(title: str, answer: "Answer", at_most: int, json: str | None) -> None:
             json_output.write(lines, record)
     shown = answer.as_text(at_most)
     terminal.table(title, [(name, "") for name in answer.columns], shown)
-    terminal.say(f"{len(shown):,} of {len(answer.rows):,}; all of them with --json FILE")
+    of = terminal.counted(len(answer.rows), "row")
+    if len(shown) < len(answer.rows):
+        terminal.say(f"{len(shown):,} of {of}; all of them with --json FILE")
+    else:
+        terminal.say(of if shown else "none")
 
 
 def _module(name: str) -> Any:

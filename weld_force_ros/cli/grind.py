@@ -89,7 +89,7 @@ def grind(
         "Minimum grinding",
         [
             ("weld", ""), ("decision", ""), ("deepest mm", "right"), ("area mm²", "right"), ("peak kN", "right"),
-            ("reference kN", "right"), ("s", "right"), ("what to do", ""),
+            ("reference kN", "right"), ("search s", "right"), ("what to do", ""),
         ],
         [_row(advice) for advice in found],
     )  # fmt: skip

@@ -7,7 +7,6 @@ standard error.
 
 import atexit
 import gc
-import os
 import sys
 from typing import Annotated, Any
 
@@ -109,9 +108,10 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     except (typer.Abort, KeyboardInterrupt):
         return 130
-    except BrokenPipeError:
-        # The reader has what it wanted (`| head`); nothing more can be said to it.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except SystemExit as ended:
+        if not isinstance(ended.__context__, BrokenPipeError):
+            raise
+        result_stream.discard(sys.stdout)  # Typer exits with 1 when the reader has what it wanted (`| head`)
         return 0
     print_notes()
     return result if isinstance(result, int) else 0

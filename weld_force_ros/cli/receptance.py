@@ -44,10 +44,10 @@ def receptance(
             },
         )
     terminal.table(
-        f"Receptance of {definition.track.name} ({engine}), m/N: magnitude and phase",
-        [("Hz", "right")] + [(f"at {x:g} m", "right") for x in at_m],
+        f"Receptance of {definition.track.name} ({engine}): magnitude and phase",
+        [("Hz", "right")] + [(text, "right") for x in at_m for text in (f"m/N at {x:g} m", "phase °")],
         [
-            [f"{f:g}"] + [f"{abs(v):.4g}  {math.degrees(cmath.phase(v)):7.1f}°" for v in h[:, k]]
+            [f"{f:g}", *(text for v in h[:, k] for text in (f"{abs(v):.4g}", f"{math.degrees(cmath.phase(v)):.1f}"))]
             for k, f in enumerate(frequency_hz)
         ],
     )  # fmt: skip

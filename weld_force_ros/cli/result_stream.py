@@ -4,7 +4,8 @@ What a command found goes to standard output; progress, warnings and notes go to
 is a program's, CSV or JSON, what people read goes to standard error, too.
 """
 
-from typing import Literal, get_args
+import os
+from typing import IO, Literal, get_args
 
 from weld_force_ros.errors import InputError
 
@@ -31,6 +32,13 @@ def choose(name: str) -> None:
             _form, _tables = known, 0
             return
     raise InputError(f"--as {name!r} is not known", f"use {', '.join(get_args(Form))}")
+
+
+def discard(stream: IO[str]) -> None:
+    """Send what is written to a stream nowhere from now on: its reader has gone."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
 
 
 def between_tables() -> str:

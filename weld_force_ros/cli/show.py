@@ -216,17 +216,17 @@ def _show_one(weld: "WeldRecord", restrict: float | None) -> None:
 
 
 def _show_criteria(criteria: "Sequence[Criterion]") -> None:
-    from weld_force_ros.cli import terminal
+    from weld_force_ros.cli import terminal, verdict_tables
 
     columns = {
         "criterion": "", "value": "whole right", "limit": "right", "reject above": "right", "at km/h": "right",
-        "running": "whole", "": "", "prob. of exceeding": "right",
+        "running": "whole", "result": "", "prob. of exceeding": "right",
     }  # fmt: skip
     rows = [dict(zip(columns, _criterion_row(c), strict=True)) for c in criteria]
-    shown = {heading: how for heading, how in columns.items() if not heading or any(row[heading] for row in rows)}
+    shown = {heading: how for heading, how in columns.items() if any(row[heading] for row in rows)}
     terminal.table("Criteria", shown.items(), [[row[heading] for heading in shown] for row in rows])
     if any(row["running"] for row in rows):
-        terminal.say_wrapped("running: with the direction in which x rises, or against it")
+        terminal.say_wrapped(verdict_tables.RUNNING)
     if not all(c.verified for c in criteria):
         terminal.say_wrapped(_UNVERIFIED)
 

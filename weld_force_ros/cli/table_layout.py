@@ -108,7 +108,8 @@ def _listed(columns: Sequence[Column], rows: Sequence[Sequence[Cell]], width: in
     for row in rows:
         first = row[0]
         beside = isinstance(first, Text)  # a decision, and what it is on
-        lines.append(Text.assemble(first, "  ", _plain(row[1])) if beside else Text(_plain(first), style="bold"))
+        name = f"{columns[0].heading} {_plain(first)}" if _plain(first).isdecimal() else _plain(first)
+        lines.append(Text.assemble(first, "  ", _plain(row[1])) if beside else Text(name, style="bold"))
         for column, cell in zip(columns[1 + beside :], row[1 + beside :], strict=True):
             style = cell.style if isinstance(cell, Text) else ""
             heading = column.heading

@@ -19,8 +19,16 @@ from weld_force_ros.cli import result_stream
 from weld_force_ros.cli.table_layout import Column, laid_out
 from weld_force_ros.studies.result_table import Table
 
-_results = Console(highlight=False)
-notes = Console(stderr=True, highlight=False)
+
+class _Stream(Console):
+    """Standard output or error; when its reader has seen enough (`| head`), the work goes on unseen."""
+
+    def on_broken_pipe(self) -> None:
+        result_stream.discard(self.file)
+
+
+_results = _Stream(highlight=False)
+notes = _Stream(stderr=True, highlight=False)
 """Where progress and notes are shown."""
 
 _WITH_ITS_UNIT = re.compile(r"(?<=\d) (?=(?:%|km/h|kN|Hz|m|cm|mm|um)(?!\w))")

@@ -9,7 +9,7 @@ from rich.text import Text
 from weld_force_ros._words import sentence
 from weld_force_ros.cli import result_stream
 from weld_force_ros.cli.terminal import percent, say_wrapped, table
-from weld_force_ros.messages import Answer, Decision, ForceMap, Rejection, Verdict
+from weld_force_ros.messages import Answer, Decision, ForceMap, Rejection, Verdict, known
 
 if TYPE_CHECKING:
     from weld_force_ros.recording.what_if import Changed
@@ -19,10 +19,12 @@ _ANSWERS = {"reject": "replace"}
 """What is to be done with a weld, where the answer's own word does not say it."""
 
 
+RUNNING = "running: with the direction in which x rises, or against it"
+
+
 def show_maps(maps: Iterable[ForceMap]) -> None:
     """Print one line a force map: its worst passage up to the line's speed, where that is stated."""
     from weld_force_ros.simulation.force_map_view import relevant_range
-    from weld_force_ros.simulation.running import direction_in_words
 
     rows = []
     for force_map in maps:
@@ -38,7 +40,7 @@ def show_maps(maps: Iterable[ForceMap]) -> None:
                 f"{relevant.speeds_kmh[speed]:g}",
                 _line_kmh(force_map),
                 f"{relevant.positions_m[position] * 100:.0f}",
-                direction_in_words(relevant.direction("peak_force_n", speed, position)),
+                known(relevant.direction("peak_force_n", speed, position)) or "",
                 f"{relevant.passages.contact_loss_s.max() * 1e3:.2f}",
                 f"{len(force_map.peak_force_n) * len(relevant.by_direction)}",
             )
@@ -47,11 +49,13 @@ def show_maps(maps: Iterable[ForceMap]) -> None:
         "Force maps: the worst passage of each",
         [
             ("weld", ""), ("peak kN", "right"), ("fit error ± kN", "right"), ("dyn. load factor", "right"),
-            ("at km/h", "right"), ("line km/h", "right"), ("cm after sleeper", "right"), ("running", ""),
+            ("at km/h", "right"), ("line km/h", "right"), ("cm after sleeper", "right"), ("running", "whole"),
             ("contact loss ms", "right"), ("passages", "right"),
         ],
         rows,
     )  # fmt: skip
+    if any(running for *_, running, _, _ in rows):
+        say_wrapped(RUNNING)
     say_wrapped(
         "Forces, no verdict: `weld-force assess` judges welds by limits. The worst passage is up to the line's "
         "speed where that is stated (--line-speed), else of all speeds computed."

@@ -250,8 +250,10 @@ def _figures(found: View, record: WeldRecord, words: Words) -> tuple[list[View],
         )  # fmt: skip
         add(first, "geometry", weld_figures.geometry_figure(found, record, words), drawn)
     if "curves" in found:
-        drawn = legend("force", "likely-best", "limit-grind", "limit-reject", "permitted", "after" if grinding else "")
-        add(first, "speed", weld_figures.speed_figure(found, record, words), drawn)
+        svg = weld_figures.speed_figure(found, record, words)
+        permitted = "permitted" if 'class="permitted"' in svg else ""
+        drawn = legend("force", "likely-best", "limit-grind", "limit-reject", permitted, "after" if grinding else "")
+        add(first, "speed", svg, drawn)
         second = weld_figures.second_criterion(found, record.verdict)
         if second:
             name = weld_words.criterion_name(second, words)

@@ -148,10 +148,10 @@ def margin(answer: Answer, nearest: Criterion, record: WeldRecord, words: Words)
     if error is not None:
         key = "answer.error_larger" if error > abs(distance) else "answer.error"
         return f"{said}; {words(key, error=value_of(nearest, error))}"
-    if isinstance(nearest.low, UnsetType) or isinstance(nearest.high, UnsetType) or nearest.low == nearest.high:
+    if isinstance(nearest.low, UnsetType) or isinstance(nearest.high, UnsetType):
         return said
-    interval = words("answer.interval", low=value_of(nearest, nearest.low), high=value_of(nearest, nearest.high))
-    return f"{said}; {interval}"
+    low, high = value_of(nearest, nearest.low), value_of(nearest, nearest.high)
+    return said if low == high else f"{said}; {words('answer.interval', low=low, high=high)}"
 
 
 def _model_error(criterion: Criterion, record: WeldRecord) -> float | None:
