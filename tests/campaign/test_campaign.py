@@ -38,6 +38,7 @@ from weld_force_ros.cli import main
 from weld_force_ros.errors import InputError, NumericalError
 from weld_force_ros.measurement import profile_file
 from weld_force_ros.recording.recording import open_recording
+from weld_force_ros.simulation.settings import DEFAULT_TRACK
 from weld_force_ros.simulation.simulator import Simulator
 
 pytestmark = pytest.mark.slow
@@ -52,7 +53,7 @@ vehicles:
   freight: {static_load_n: 110.0e+3}
   light: {static_load_n: 70.0e+3, mass_kg: 600.0}
 sections:
-  - {name: first, lines: [north], chainage_m: [0, 180], vehicles: [freight, light]}
+  - {name: first, track: bilbao, lines: [north], chainage_m: [0, 180], vehicles: [freight, light]}
   - {name: rest, track: bilbao-viscous, vehicles: [light]}
 speeds: [100, 160, 220]
 positions: 3
@@ -412,6 +413,7 @@ def test_vehicles_are_named_or_described(tmp_path, text, vehicles):
     (tmp_path / "c.yaml").write_text(f"name: c\nsources: [{{folder: a}}]\n{text}", encoding="utf-8")
     (section,) = campaign_file.read(tmp_path / "c.yaml").sections
     assert [(name, settings.static_load_n) for name, settings in section.vehicles.items()] == vehicles
+    assert {settings.track for settings in section.vehicles.values()} == {DEFAULT_TRACK}
 
 
 @pytest.mark.parametrize(
