@@ -85,7 +85,6 @@ CHEAP = (
     "weld-force limits init ours.yaml --like en14730-2",
     "weld-force bag info monday",
     "weld-force bag export monday monday-foxglove.mcap",
-    "weld-force bag recover cut-off repaired",
     "weld-force receptance --track bilbao --at 0.0,0.30 --freq 50,100,200 --json -",
 )
 
