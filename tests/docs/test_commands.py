@@ -120,7 +120,7 @@ COSTLY = [
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("line", COSTLY)
 def test_a_costly_command_of_the_pages_runs(line: str, a_day: Path):
-    """Verdicts other than accept are exit code 1."""
+    """Verdicts other than accept are exit code 1, messages that are lost 3."""
     (a_day / "measurements").mkdir()
     for copy in ("measurements/weld.csv", "export.txt"):
         shutil.copy(a_day / "weld.csv", a_day / copy)
@@ -136,7 +136,7 @@ def test_a_costly_command_of_the_pages_runs(line: str, a_day: Path):
             for f, r in zip(receptance.frequency_hz.values, receptance.values.ravel(), strict=True)
         ]
         (a_day / "hammer.csv").write_text("\n".join(["# unit: m/N", "frequency_hz,sleeper_real,sleeper_imag", *rows]))
-    assert main(shlex.split(line)[1:]) in (0, 1)
+    assert main(shlex.split(line)[1:]) in (0, 1, 3)
 
 
 @pytest.mark.usefixtures("a_day")
