@@ -260,6 +260,7 @@ def test_unknown_facts_stay_absent_in_the_verdict(force_map: ForceMap):
         ("- {name: peak_force, limit: 1, unit: N}", "source is missing"),
         ("- {name: peak_force, limit: 1, unit: N, source: {text: t}}", "source: .*kind"),
         ("- {name: peak_force, limit: 1, unit: N, source: {text: t, kind: rumour}}", "source: .*rumour"),
+        ("- {name: peak_force, limit: 1, unit: N, source: {text: , kind: standard}}", "nothing stands behind text"),
         ("- {name: peak_force, limit: 1, unit: N, source: s, verified: true}", "verified_by"),
         ("- {name: peak_force, limit: 1, unit: N, source: s, verified_by: {by: me}}", "date"),
         ("- {name: peak_force, limit: 1, unit: N, source: s, rule_book: mine}", "rule_book is unknown"),

@@ -5,9 +5,11 @@ import shlex
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer
 
+import weld_force_ros as wf
 from tests.docs.pages import PAGES, ROOT, blocks, shown_after
 from weld_force_ros.cli.main import app, main
 
@@ -67,6 +69,9 @@ def a_day(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     shutil.copy(ROOT / "examples/weld.csv", tmp_path / "weld.csv")
     shutil.copytree(ROOT / "bags/demo", tmp_path / "monday")
     shutil.copytree(ROOT / "bags/demo", tmp_path / "bags/demo")
+    shutil.copytree(ROOT / "bags/demo", tmp_path / "cut-off")
+    (recorded,) = (tmp_path / "cut-off").glob("*.mcap")
+    recorded.write_bytes(recorded.read_bytes()[:400_000])
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "96")
     return tmp_path
@@ -90,6 +95,48 @@ def test_a_command_of_the_pages_runs(line: str, capsys: pytest.CaptureFixture[st
     assert line in COMMANDS, "stands on a page"
     assert main(shlex.split(line)[1:]) == 0
     assert any(capsys.readouterr())
+
+
+NOT_RUN = {
+    "up": "until Ctrl-C; tests/ros",
+    "demo": "until Ctrl-C; tests/ros",
+    "node": "until Ctrl-C; tests/ros",
+    "replay publish": "onto a live ROS graph; tests/ros",
+    "campaign network.yaml": "a campaign; tests/campaign",
+    "campaign query": "of a campaign's results; tests/campaign",
+    "population": "a campaign's welds",
+    "study": "minutes each; tests/studies",
+    "benchmark": "run by .ci/run",
+    "fit": "a search of minutes; tests/physics/engines",
+    "track causal": "of a track with loss factors; tests/simulation",
+}
+"""Commands that no test of the pages runs; CONTRIBUTING.md names them too."""
+COSTLY = [
+    line for line in COMMANDS if line not in CHEAP and not line.removeprefix("weld-force ").startswith((*NOT_RUN,))
+]
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("line", COSTLY)
+def test_a_costly_command_of_the_pages_runs(line: str, a_day: Path):
+    """Verdicts other than accept are exit code 1, messages that are lost 3."""
+    (a_day / "measurements").mkdir()
+    for copy in ("measurements/weld.csv", "export.txt"):
+        shutil.copy(a_day / "weld.csv", a_day / copy)
+    (a_day / "de.json").write_text("{}")
+    if "site.yaml" in line:
+        assert main(["init", "site"]) == 0
+    if "ours.yaml" in line:
+        assert main(["limits", "init", "ours.yaml", "--like", "banenor-531"]) == 0  # a template's numbers are missing
+    if "hammer.csv" in line:
+        receptance = wf.Track("concrete-soft-pads").receptance(np.geomspace(30.0, 2000.0, 200), at_m=0.0)
+        rows = [
+            f"{f},{r.real},{r.imag}"
+            for f, r in zip(receptance.frequency_hz.values, receptance.values.ravel(), strict=True)
+        ]
+        (a_day / "hammer.csv").write_text("\n".join(["# unit: m/N", "frequency_hz,sleeper_real,sleeper_imag", *rows]))
+    assert main(shlex.split(line)[1:]) in (0, 1, 3)
 
 
 @pytest.mark.usefixtures("a_day")

@@ -218,6 +218,8 @@ def _source(where: str, of_file: dict[str, Any] | UnsetType, own: dict[str, Any]
     parts = {**({} if isinstance(of_file, UnsetType) else of_file), **own}
     if not parts:
         raise ValueError(f"{where}: source is missing")
+    if empty := [name for name, value in parts.items() if value is None and name != "read"]:
+        raise ValueError(f"{where}: source: nothing stands behind {', '.join(empty)}: fill in, or remove the line")
     try:
         return msgspec.convert(parts, Source)
     except msgspec.ValidationError as error:
