@@ -43,8 +43,10 @@ def demo(
     _draw_maps(recording, picture)
     report(result.bag, page, grinding=True)
     terminal.say(
-        f"open {page}: what to do with each weld, and why; {picture}\n"
-        f"next: weld-force show {result.bag}; weld-force replay verify {result.bag}\n"
+        f"open {page}: what to do with each weld, and why\n"
+        f"     {picture}\n"
+        f"next: weld-force show {result.bag}\n"
+        f"      weld-force replay verify {result.bag}\n"
         f"      weld-force limits check {_rule_books(recording)}: what the welds are judged by\n"
         "      weld-force up --folder MEASUREMENTS --bag BAG: the same beside your own trolley"
     )

@@ -6,6 +6,7 @@ import threading
 from contextlib import suppress
 from queue import SimpleQueue
 
+from weld_force_ros.assessment.criteria import sentence_in_words
 from weld_force_ros.messages import Rejection, Verdict
 
 LAST_LINES_S = 2.0
@@ -17,7 +18,8 @@ def outcome_line(outcome: Verdict | Rejection) -> str:
     if isinstance(outcome, Verdict):
         speed = f"; {outcome.advice[0]}" if outcome.advice and outcome.decision != "accept" else ""
         under = f" under {outcome.vehicle}" if isinstance(outcome.vehicle, str) else ""
-        line = f"{outcome.decision.upper():10} {outcome.weld_id}{under}: {outcome.reason}{speed}"
+        reason = sentence_in_words(outcome.reason, outcome.criteria)
+        line = f"{outcome.decision.upper():10} {outcome.weld_id}{under}: {reason}{speed}"
     else:
         line = f"UNREADABLE {outcome.source}: {outcome.reason}; {outcome.remedy}"
     return "".join(c if c.isprintable() else " " for c in line)
