@@ -85,7 +85,7 @@ def assess_vehicles(profile: WeldProfile, simulators: Sequence[Simulates], limit
 
 
 def simulate_vehicles(
-    profile: WeldProfile, simulators: Sequence[Simulates], limits: AssessmentSettings | None
+    profile: WeldProfile, simulators: Sequence[Simulates], limits: AssessmentSettings | None = None
 ) -> list[ForceMap]:
     """Compute a weld's force map under each of several vehicles; the maps say that they are judged together.
 
