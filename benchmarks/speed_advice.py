@@ -29,7 +29,7 @@ from weld_force_ros.messages import (
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.simulation.curve_bounds import CurveBounds, Selection
 from weld_force_ros.simulation.force_map_view import Passages
-from weld_force_ros.simulation.running import directed_runs, stated_running
+from weld_force_ros.simulation.running import directed_runs, directions, stated_running
 from weld_force_ros.simulation.settings import simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
 
@@ -38,11 +38,20 @@ ADVICE = ("curve_class", "maxima_kmh", "hollows", "permitted_speed_kmh", "avoid"
 
 
 @dataclass
-class Count:
-    """Passages beyond the map, of all welds: asked for by a question, and simulated with what fills the registers."""
+class Tally:
+    """Of the welds of a track under some limits: passages beyond the map, and seconds of processor time.
 
+    Attributes:
+        equal: welds whose advice is that of every km/h at every position.
+        asked: passages that a question asked for.
+        simulated: passages that were simulated: those, and what filled the registers beside them.
+        curve_s: map and curve.
+    """
+
+    equal: int = 0
     asked: list[int] = field(default_factory=list)
     simulated: list[int] = field(default_factory=list)
+    curve_s: list[float] = field(default_factory=list)
 
 
 def main() -> None:
@@ -54,47 +63,47 @@ def main() -> None:
     parser.add_argument("--tracks", nargs="+", default=TRACKS)
     arguments = parser.parse_args()
     welds = [profile_of(*weld) for weld in _samples(arguments.welds, arguments.seed)]
+    print(f"{len(welds)} welds of seed {arguments.seed}, running {arguments.running}; means of passages beyond the map")
+    print("and of ms of processor time for map and curve; every: every km/h, where it can be the worst")
     print(
-        f"{arguments.welds} welds of seed {arguments.seed}, running {arguments.running}; passages beyond the map and"
-        " ms of processor time, means"
-    )
-    print(
-        f"{'track':16}{'limits':12}{'equal':>8}{'asked':>8}{'most':>6}{'simulated':>11}{'before':>8}{'all':>6}"
-        f"{'curve ms':>10}{'before':>8}{'map ms':>8}"
+        f"{'track':16}{'limits':8}{'equal':>8}{'asked':>7}{'most':>6}{'simulated':>11}{'every':>7}{'all':>6}"
+        f"{'curve ms':>10}{'every':>7}{'map':>5}"
     )
     for track in arguments.tracks:
-        simulator = Simulator(simulation_settings(track=track, running=arguments.running))
-        for name in ("force", "crossed"):
-            print(f"{track:16}{name:12}" + _line(simulator, welds, name), flush=True)
+        _print_track(Simulator(simulation_settings(track=track, running=arguments.running)), welds)
 
 
-def _line(simulator: Simulator, welds: list[WeldProfile], name: str) -> str:
-    plain = Simulator(simulator.settings, curves=False)
-    count, before = Count(), Count()
-    equal, times = 0, dict[str, list[float]]()
+def _print_track(simulator: Simulator, welds: list[WeldProfile]) -> None:
+    plain, every = Simulator(simulator.settings, curves=False), Tally()
+    tallies, map_s = {"force": Tally(), "crossed": Tally()}, list[float]()
+    for make in (plain.force_map, simulator.force_map, partial(simulator.force_map, asks=asks_of(load_limits()))):
+        make(welds[0])  # tables
     for number, weld in enumerate(welds):
-        force_map = with_every_passage(simulator, weld)
-        limits = load_limits() if name == "force" else crossed(force_map, number)
-        kinds: dict[str, Callable[[], ForceMap]] = {
-            "map": partial(plain.force_map, weld),
-            "before": partial(simulator.force_map, weld),
-            "curve": partial(simulator.force_map, weld, asks_of(limits)),
-        }
-        for kind, work in kinds.items():
-            work()  # tables
-            began_s = time.process_time()
-            work()
-            times.setdefault(kind, []).append(time.process_time() - began_s)
-        counted(simulator, before, kinds["before"])
-        found = counted(simulator, count, kinds["curve"])
-        equal += advice(judge(found, limits)) == advice(judge(force_map, limits))
-    ms = {kind: 1e3 * float(np.mean(values)) for kind, values in times.items()}
-    every = (281 - len(simulator.settings.speeds_kmh)) * len(simulator.settings.positions_m)
-    return (
-        f"{equal:>5}/{len(welds)}{np.mean(count.asked):8.0f}{max(count.asked):6d}{np.mean(count.simulated):11.0f}"
-        f"{np.mean(before.simulated):8.0f}{every * len(directed_runs(simulator.settings.running, 0.0)):6d}"
-        f"{ms['curve'] - ms['map']:10.0f}{ms['before'] - ms['map']:8.0f}{ms['map']:8.0f}"
-    )
+        timed(partial(plain.force_map, weld), map_s)
+        force_map = counted(simulator, every, partial(simulator.force_map, weld))
+        truth = with_every_passage(simulator, weld, force_map)
+        for name, tally in tallies.items():
+            limits = load_limits() if name == "force" else crossed(truth, number)
+            found = counted(simulator, tally, partial(simulator.force_map, weld, asks_of(limits)))
+            tally.equal += advice(judge(found, limits)) == advice(judge(truth, limits))
+    settings = simulator.settings
+    passages = (281 - len(settings.speeds_kmh)) * len(settings.positions_m) * len(directions(settings.running))
+    for name, tally in tallies.items():
+        means = [1e3 * float(np.mean(each)) for each in (tally.curve_s, every.curve_s, map_s)]
+        print(
+            f"{settings.track:16}{name:8}{tally.equal:>5}/{len(welds)}{np.mean(tally.asked):7.0f}{max(tally.asked):6d}"
+            f"{np.mean(tally.simulated):11.0f}{np.mean(every.simulated):7.0f}{passages:6d}"
+            f"{means[0]:10.0f}{means[1]:7.0f}{means[2]:5.0f}",
+            flush=True,
+        )
+
+
+def timed(work: Callable[[], ForceMap], seconds: list[float]) -> ForceMap:
+    """Return what some work does, and append its processor time."""
+    began_s = time.process_time()
+    found = work()
+    seconds.append(time.process_time() - began_s)
+    return found
 
 
 def _samples(count: int, seed: int) -> list[tuple[str, list[float], list[float]]]:
@@ -112,9 +121,8 @@ def advice(verdict: Verdict) -> dict[str, object]:
     return {name: getattr(verdict, name) for name in ADVICE}
 
 
-def with_every_passage(simulator: Simulator, weld: WeldProfile) -> ForceMap:
+def with_every_passage(simulator: Simulator, weld: WeldProfile, force_map: ForceMap) -> ForceMap:
     """Return a weld's force map with a curve of every km/h at every position."""
-    force_map = simulator.force_map(weld)
     curve, model = force_map.curve, simulator.tracks.at(weld).vehicle_track
     if not isinstance(curve, SpeedCurve) or not isinstance(model, VehicleTrackModel):
         raise TypeError("the engine makes no curves")
@@ -147,26 +155,26 @@ def crossed(force_map: ForceMap, number: int) -> AssessmentSettings:
     return replace(settings, limits_sha256=limits_sha256(settings))
 
 
-def counted(simulator: Simulator, count: Count, work: Callable[[], ForceMap]) -> ForceMap:
-    """Return what some work does, and count its passages beyond the map."""
+def counted(simulator: Simulator, tally: Tally, work: Callable[[], ForceMap]) -> ForceMap:
+    """Return what some work does, and count its passages beyond the map and its time."""
     model = simulator.vehicle_track
     simulate, deciding = VehicleTrackModel.maps_of_few, CurveBounds.deciding
-    count.asked.append(0)
-    count.simulated.append(0)
+    tally.asked.append(0)
+    tally.simulated.append(0)
 
     def counting(*arguments: object, selected: Selection | None = None, **named: object) -> object:
-        count.simulated[-1] += 0 if selected is None else int(np.count_nonzero(selected))
+        tally.simulated[-1] += 0 if selected is None else int(np.count_nonzero(selected))
         return simulate(model, *arguments, selected=selected, **named)  # type: ignore[arg-type]
 
     def asking(bounds: CurveBounds, *arguments: object) -> Selection:
         selected = deciding(bounds, *arguments)  # type: ignore[arg-type]
-        count.asked[-1] += int(np.count_nonzero(selected))
+        tally.asked[-1] += int(np.count_nonzero(selected))
         return selected
 
     CurveBounds.deciding = asking  # type: ignore[method-assign,assignment]
     model.maps_of_few = counting  # type: ignore[method-assign,union-attr,assignment]
     try:
-        return work()
+        return timed(work, tally.curve_s)
     finally:
         CurveBounds.deciding = deciding  # type: ignore[method-assign]
         del model.maps_of_few

@@ -83,7 +83,7 @@ def test_a_curve_that_asks_nothing_is_simulated_at_its_highest_speed_alone():
 def test_verdicts_are_those_of_every_kmh_at_every_position(track, weld):
     simulator = Simulator(simulation_settings(track=track))
     profile = read_profile(DATA / weld) if weld.endswith("csv") else shipped_profile(weld)
-    every = with_every_passage(simulator, profile)
+    every = with_every_passage(simulator, profile, simulator.force_map(profile))
     for limits in (load_limits(), crossed(every, 2)):
         found = simulator.force_map(profile, asks_of(limits))
         assert found.curve.limits_sha256 == limits.limits_sha256

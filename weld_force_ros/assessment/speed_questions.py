@@ -92,20 +92,29 @@ def _maxima(low: FloatArray, high: FloatArray, told_n: FloatArray) -> list[int]:
     """
     asked: list[int] = []
     tops = np.flatnonzero((high[1:-1] >= high[:-2]) & (high[1:-1] >= high[2:])) + 1
-    for top in tops.tolist():
-        before, after = low[:top][::-1], low[top + 1 :]
-        at_most = min(_descent(high[top], before), _descent(high[top], after))
-        if at_most < _NEARLY * told_n[top]:
-            continue
+    told = tops[_standing_out(tops, low, high) >= _NEARLY * told_n[tops]]
+    for top in told.tolist():
         if low[top] != high[top]:
             asked.append(top)
             continue
         asked += [top - 1, top + 1]
+        before, after = low[:top][::-1], low[top + 1 :]
         at_least = min(_descent(low[top], high[:top][::-1]), _descent(low[top], high[top + 1 :]))
         if at_least < told_n[top] / _NEARLY:
             asked += [top - 1 - row for row in _doubts(high[top], before, high[:top][::-1])]
             asked += [top + 1 + row for row in _doubts(high[top], after, high[top + 1 :])]
     return asked
+
+
+def _standing_out(tops: NDArray[np.intp], low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return by how much each of some tops can stand above its surroundings, (n_top,), as `_descent` of either side."""
+    rows, at, top_n = np.arange(len(low)), tops[:, None], high[tops, None]
+    higher = low > top_n
+    begin = np.where(higher & (rows < at), rows, -1).max(axis=1, initial=-1)[:, None]
+    end = np.where(higher & (rows > at), rows, len(low)).min(axis=1, initial=len(low))[:, None]
+    between = ((begin < rows) & (rows < at), (at < rows) & (rows < end))
+    lowest = [np.minimum(np.where(side, low, top_n).min(axis=1), high[tops]) for side in between]
+    return np.asarray(high[tops] - np.maximum(*lowest))
 
 
 def _descent(top_n: float, values: FloatArray) -> float:
