@@ -64,7 +64,7 @@ def main() -> None:
     arguments = parser.parse_args()
     welds = [profile_of(*weld) for weld in _samples(arguments.welds, arguments.seed)]
     print(f"{len(welds)} welds of seed {arguments.seed}, running {arguments.running}; means of passages beyond the map")
-    print("and of ms of processor time for map and curve; every: every km/h, where it can be the worst")
+    print("medians of ms of processor time for map and curve; every: every km/h, where it can be the worst")
     print(
         f"{'track':16}{'limits':8}{'equal':>8}{'asked':>7}{'most':>6}{'simulated':>11}{'every':>7}{'all':>6}"
         f"{'curve ms':>10}{'every':>7}{'map':>5}"
@@ -89,11 +89,11 @@ def _print_track(simulator: Simulator, welds: list[WeldProfile]) -> None:
     settings = simulator.settings
     passages = (281 - len(settings.speeds_kmh)) * len(settings.positions_m) * len(directions(settings.running))
     for name, tally in tallies.items():
-        means = [1e3 * float(np.mean(each)) for each in (tally.curve_s, every.curve_s, map_s)]
+        medians = [1e3 * float(np.median(each)) for each in (tally.curve_s, every.curve_s, map_s)]
         print(
             f"{settings.track:16}{name:8}{tally.equal:>5}/{len(welds)}{np.mean(tally.asked):7.0f}{max(tally.asked):6d}"
             f"{np.mean(tally.simulated):11.0f}{np.mean(every.simulated):7.0f}{passages:6d}"
-            f"{means[0]:10.0f}{means[1]:7.0f}{means[2]:5.0f}",
+            f"{medians[0]:10.0f}{medians[1]:7.0f}{medians[2]:5.0f}",
             flush=True,
         )
 

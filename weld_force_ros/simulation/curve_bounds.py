@@ -21,7 +21,7 @@ from weld_force_ros.simulation.worst_speeds import dynamic_parts
 OF_PLACE, OF_ALL = 0.2, 0.2
 """Margin midway between a map's speeds: shares of the largest fourth difference near them, of a place and of all."""
 _AROUND = 2  # intervals of the map on either side whose fourth differences count
-_AT_ONCE = 0.4  # of its margin: a place that is the worst by so much of it is simulated in the same round
+_AT_ONCE = 0.25  # of its margin: a place that is the worst by so much of it is simulated in the same round
 _AT_ENDS = 2.0  # times the margin, where the cubic has one speed on one side and three on the other
 _OF_SPEED = 0.125  # distance of a map's speeds, as a share of the speed, from which on the margin grows with it
 _LEAST = 1e-4  # of the static load, of a margin: steps of other lengths make as much of a difference
