@@ -75,13 +75,14 @@ def main() -> None:
 
 def _print_track(simulator: Simulator, welds: list[WeldProfile]) -> None:
     plain, every = Simulator(simulator.settings, curves=False), Tally()
+    thorough = Simulator(simulator.settings)  # whose tables take no other's place
     tallies, map_s = {"force": Tally(), "crossed": Tally()}, list[float]()
     for make in (plain.force_map, simulator.force_map, partial(simulator.force_map, asks=asks_of(load_limits()))):
         make(welds[0])  # tables
     for number, weld in enumerate(welds):
         timed(partial(plain.force_map, weld), map_s)
         force_map = counted(simulator, every, partial(simulator.force_map, weld))
-        truth = with_every_passage(simulator, weld, force_map)
+        truth = with_every_passage(thorough, weld, force_map)
         for name, tally in tallies.items():
             limits = load_limits() if name == "force" else crossed(truth, number)
             found = counted(simulator, tally, partial(simulator.force_map, weld, asks_of(limits)))
