@@ -3,8 +3,8 @@
 Between speeds that were simulated, force at a place is near the cubic through two of them on either side: as near as
 the fourth differences of the map say, those of the place and those of all places on average. Where another peak of the
 history becomes the largest, force over speed has a kink, which a cubic misses by less the nearer those speeds are.
-`OF_PLACE` and `OF_ALL` were chosen on fifty welds of seed 101, where half of both is too little, and margins at the ends
-and at low speeds made wider by what fifty of seed 2026 showed. They are tested on other seeds and a measured weld
+`OF_PLACE` and `OF_ALL` were chosen on fifty welds of seed 101, where half of both is too little; margins at the ends
+and at low speeds were widened by what fifty of seed 2026 showed. They are tested on other seeds and a measured weld
 (`tests/simulation/test_curve_bounds.py`, `python -m benchmarks.speed_advice --seed 4711`).
 """
 
