@@ -1,10 +1,14 @@
-"""How fast the nodes are: from a file to its verdict, one weld at a time and many at a steady rate."""
+"""How fast the nodes are: from a file to its verdict, one weld at a time and many at a steady rate.
 
+`python -m benchmarks.nodes` prints the most that they do, and what part of it takes how long.
+"""
+
+import os
 import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,11 +18,15 @@ import msgspec
 import numpy as np
 
 from benchmarks.study import POSITIONS, SPEEDS
+from weld_force_ros.assessment.judge import asks_of, deciding_history, judge
+from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.errors import WeldForceError
 from weld_force_ros.measurement import profile_file
-from weld_force_ros.messages import Rejection, Verdict, profile_sha256
+from weld_force_ros.messages import ForceMap, Rejection, Verdict, decode, encode, profile_sha256
+from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.recording.recording import open_recording
-from weld_force_ros.simulation.settings import DEFAULT_UNCERTAINTY_SAMPLES, parse_speeds
+from weld_force_ros.simulation.settings import DEFAULT_UNCERTAINTY_SAMPLES, parse_speeds, simulation_settings
+from weld_force_ros.simulation.simulator import Simulator
 
 _PASSAGES = len(parse_speeds(SPEEDS)) * POSITIONS
 _WELD = "weld-1-dip"
@@ -221,3 +229,59 @@ def _weld_files(folder: Path, count: int) -> list[Path]:
         files.append(folder / f"{weld.weld_id}.csv")
         profile_file.write_profile(weld, files[-1])
     return files
+
+
+def processor_seconds(welds: int = 60) -> dict[str, float]:
+    """Return seconds of processor time a weld, of all threads: what two cores can do at most is two over each.
+
+    Args:
+        welds: through the nodes; each part is of a third of them.
+    """
+    settings, limits = simulation_settings(speeds_kmh=parse_speeds(SPEEDS), positions=POSITIONS), load_limits()
+    simulator, plain = Simulator(settings), Simulator(settings, curves=False)
+    model = plain.vehicle_track
+    if not isinstance(model, VehicleTrackModel):
+        raise TypeError("the engine is not compiled")
+    with tempfile.TemporaryDirectory() as folder:
+        profiles = [profile_file.read_profile(file) for file in _weld_files(Path(folder) / "prepared", welds // 3)]
+    paths, positions = [plain.wheel_path(profile) for profile in profiles], np.array(settings.positions_m)
+    met = [path for own in paths for path in (own, own.mirrored)]
+    force_maps = [simulator.force_map(profile, asks_of(limits)) for profile in profiles]  # and tables
+
+    def compiled() -> None:
+        for _ in model.peak_maps(met, settings.speeds_kmh, positions, low_passed=True):
+            pass
+
+    parts: dict[str, Callable[[], object]] = {
+        "passages of the map, compiled": compiled,
+        "map": lambda: [plain.force_map(profile) for profile in profiles],
+        "map and curve of every km/h": lambda: [simulator.force_map(profile) for profile in profiles],
+        "map and curve": lambda: [simulator.force_map(profile, asks_of(limits)) for profile in profiles],
+        "JSON of the map, written and read": lambda: [decode(ForceMap, encode(one)) for one in force_maps],
+        "verdict": lambda: [judge(one, limits) for one in force_maps],
+        "history": lambda: [
+            deciding_history(profile, simulator, one, limits) for profile, one in zip(profiles, force_maps, strict=True)
+        ],
+    }
+    found = {}
+    for name, work in parts.items():
+        began_s = time.process_time()
+        work()
+        found[name] = (time.process_time() - began_s) / len(profiles)
+    return found
+
+
+def main() -> None:
+    """Print how many welds a second the nodes judge at most, and where the time goes."""
+    print(f"{_PASSAGES} passages in each of two directions, with curve, without samples; {os.cpu_count()} cores;")
+    print("ms of processor time a weld, and welds a second on two cores that do nothing else")
+    for name, each_s in processor_seconds().items():
+        print(f"{name:40}{1e3 * each_s:8.1f}{2 / each_s:8.0f}")
+    began_s = time.process_time()
+    flood = _run(_FLOOD, 0.0)
+    each_s = (time.process_time() - began_s) / (flood.welds + 1)
+    print(f"{'nodes, from file to verdict':40}{1e3 * each_s:8.1f}{2 / each_s:8.0f}; here {flood.verdicts_per_s:.1f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -9,7 +9,7 @@ from weld_force_ros.assessment.rule_books import load_limits
 from weld_force_ros.assessment.speed_advice import advise, in_prose_kmh
 from weld_force_ros.measurement.synthetic_welds import SyntheticWeld, population
 from weld_force_ros.messages import AssessmentSettings, Limit, SpeedBand, WeldProfile, limits_sha256, profile_sha256
-from weld_force_ros.simulation.force_map_view import Passages, relevant_range
+from weld_force_ros.simulation.force_map_view import Passages
 from weld_force_ros.simulation.settings import simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
 
@@ -161,6 +161,6 @@ def test_speeds_in_words_are_rounded_down_but_not_below_what_was_computed():
 
 
 def test_rules_without_an_accepted_risk_tell_every_difference_as_before():
-    relevant = relevant_range(Simulator(simulation_settings(positions=2)).force_map(as_profile(next(population(1, 3)))))
-    assert told_apart(relevant, sealed([limit(1.0)])) is None
-    assert told_apart(relevant, load_limits("force")) > 0.1
+    force_map = Simulator(simulation_settings(positions=2)).force_map(as_profile(next(population(1, 3))))
+    assert told_apart(force_map, sealed([limit(1.0)])) is None
+    assert told_apart(force_map, load_limits("force")) > 0.1

@@ -12,6 +12,7 @@ from std_msgs.msg import String
 
 from weld_force_ros.messages import ForceHistory, ForceMap, Message, SimulationSettings, WeldProfile
 from weld_force_ros.ros import qos
+from weld_force_ros.simulation.curve_refinement import Asks
 
 DEADLINE_S = 60.0
 """How long a condition is waited for: on a busy machine alone the start of three processes takes half a minute."""
@@ -67,7 +68,7 @@ class QuickSimulator:
     def peak_n(height_m: float, speed_kmh: float, position_m: float) -> float:
         return 50e3 + 1e3 * (height_m * 1e3 + speed_kmh + position_m)
 
-    def force_map(self, profile: WeldProfile) -> ForceMap:
+    def force_map(self, profile: WeldProfile, asks: Asks | None = None) -> ForceMap:
         assert self.go_on.wait(DEADLINE_S)
         self.computed.append(profile.weld_id)
         if profile.weld_id == "impossible":

@@ -150,7 +150,8 @@ def speed_curves(draw: st.DrawFn) -> SpeedCurve:
     return draw(
         st.builds(
             SpeedCurve, speeds_kmh=st.just(speeds_kmh), peak_force_n=values, min_force_n=values, contact_loss_s=values,
-            at_m=values, p2_force_n=maybe(values), force_20hz_n=maybe(values),
+            at_m=values, p2_force_n=maybe(values), force_20hz_n=maybe(values), limits_sha256=maybe(hashes),
+            estimated=maybe(st.lists(st.booleans(), min_size=len(speeds_kmh), max_size=len(speeds_kmh))),
         )
     )  # fmt: skip
 

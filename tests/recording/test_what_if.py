@@ -7,7 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from tests.harness.limits import by_value
-from weld_force_ros.assessment.judge import judge
+from weld_force_ros.assessment.judge import asks_of, judge
 from weld_force_ros.cli.main import main
 from weld_force_ros.errors import InputError, NumericalError
 from weld_force_ros.measurement.profile_file import find, read_profile
@@ -24,6 +24,7 @@ from weld_force_ros.messages import (
 )
 from weld_force_ros.recording import STRING, Recorder, string_cdr
 from weld_force_ros.recording.recording import Recording, open_recording
+from weld_force_ros.recording.replay import replay
 from weld_force_ros.recording.what_if import NotComputed, read_change, what_if
 from weld_force_ros.simulation.settings import DEFAULT_TRACK, simulation_settings
 from weld_force_ros.simulation.simulator import Simulator
@@ -90,6 +91,21 @@ def test_fewer_speeds_leave_the_worst_of_those_that_remain(tmp_path, messages):
     assert found.computed.worst_position_m == POSITIONS[at_60.index(max(at_60))]
     assert was.worst_speed_kmh == 120
     assert found.peak_force_change_percent == pytest.approx(100 * (max(at_60) - was.peak_force_n) / was.peak_force_n)
+
+
+def test_other_limits_are_answered_by_simulating_what_the_curve_lacks(tmp_path, weld):
+    simulator = Simulator(simulation_settings(track="bilbao-viscous", positions=3, running="with"))
+    own, path = by_value(), limits_file(tmp_path, 135e3, 170e3)
+    force_map = simulator.force_map(weld, asks_of(own))
+    bag = recorded(tmp_path, [simulator.settings, own, weld, force_map, judge(force_map, own)])
+    change = read_change(limits=str(path))
+    (found,) = what_if(bag, change)
+    assert found.computed == judge(simulator.force_map(weld), change.limits)
+    assert judge(force_map, change.limits).advice_step_kmh > found.computed.advice_step_kmh == 1.0
+    assert [one.differences for one in replay(bag)] == [(), ()]
+    without_profile = [simulator.settings, own, force_map, judge(force_map, own)]
+    (unknown,) = what_if(recorded(tmp_path / "without", without_profile), change)
+    assert isinstance(unknown, NotComputed)
 
 
 def test_another_track_keeps_the_recorded_wheel_speeds_and_positions(tmp_path, weld):

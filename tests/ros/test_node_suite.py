@@ -44,6 +44,7 @@ from weld_force_ros.recording.replay import replay
 from weld_force_ros.recording.weld_records import records_of_recording
 from weld_force_ros.ros import qos
 from weld_force_ros.ros.node_suite import KINDS, Kind, NodeSuite
+from weld_force_ros.simulation.curve_refinement import Asks
 from weld_force_ros.simulation.simulator import Simulator
 
 SPEEDS = "40,80,120"
@@ -159,8 +160,8 @@ def test_real_simulation_from_file_to_recorded_verdict(domain_id: int, folder: P
 class VehicleSimulator(QuickSimulator):
     """Forces rise with the unsprung mass; a weld named `derails` cannot be computed under the locomotive."""
 
-    def force_map(self, profile: WeldProfile) -> ForceMap:
-        force_map = super().force_map(profile)
+    def force_map(self, profile: WeldProfile, asks: Asks | None = None) -> ForceMap:
+        force_map = super().force_map(profile, asks)
         if profile.weld_id == "derails" and self.settings.vehicle == "locomotive":
             raise ArithmeticError("no such passage")
         force_map.peak_force_n = [peak + self.settings.wheel_mass_kg for peak in force_map.peak_force_n]
@@ -287,8 +288,8 @@ def test_verdict_names_the_worst_passage_and_has_typed_twins(domain_id: int, pro
 class UnloadingSimulator(QuickSimulator):
     """The wheel is unloaded most in the slowest passage, at the first position: not where the peak is highest."""
 
-    def force_map(self, profile: WeldProfile) -> ForceMap:
-        force_map = super().force_map(profile)
+    def force_map(self, profile: WeldProfile, asks: Asks | None = None) -> ForceMap:
+        force_map = super().force_map(profile, asks)
         force_map.min_force_n[0] = 5e3
         return force_map
 

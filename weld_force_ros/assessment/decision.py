@@ -32,6 +32,7 @@ from weld_force_ros.messages import (
     AnswerDecision,
     Criterion,
     Decision,
+    ForceMap,
     Limit,
     ModelUncertainty,
     UncertaintyResult,
@@ -107,24 +108,24 @@ def model_deviation(
     """
     if name in GEOMETRY_CRITERIA:
         return np.zeros_like(values)
-    share = force_share(relevant, rows)
+    share = force_share(relevant.force_map, rows)
     rest = value_at_rest(name, relevant.passages.static_load_n)
     return np.asarray(share * np.abs(values - rest) * (1.0 if name != "contact_loss" else 0.0))
 
 
-def force_share(relevant: RelevantMap, rows: Sequence[ModelUncertainty]) -> float:
+def force_share(force_map: ForceMap, rows: Sequence[ModelUncertainty]) -> float:
     """Return fit error and model uncertainty together, a standard deviation as a share of forces' dynamic part."""
-    return float(np.hypot(_fit_error(relevant), model_share(relevant, rows)))
+    return float(np.hypot(_fit_error(force_map), model_share(force_map, rows)))
 
 
-def _fit_error(relevant: RelevantMap) -> float:
-    error = relevant.force_map.model_error
+def _fit_error(force_map: ForceMap) -> float:
+    error = force_map.model_error
     return 0.0 if isinstance(error, UnsetType) else error
 
 
-def model_share(relevant: RelevantMap, rows: Sequence[ModelUncertainty]) -> float:
+def model_share(force_map: ForceMap, rows: Sequence[ModelUncertainty]) -> float:
     """Return the model uncertainty of this weld on this track, a standard deviation as a share of the dynamic part."""
-    measures, pad = relevant.force_map.measures, relevant.force_map.pad_n_per_m
+    measures, pad = force_map.measures, force_map.pad_n_per_m
     length_m = 0.0 if isinstance(measures, UnsetType) or isinstance(measures.length_m, UnsetType) else measures.length_m
     stiffness = 0.0 if isinstance(pad, UnsetType) else pad
     fitting = [row.share for row in rows if length_m >= row.from_length_m and stiffness >= row.from_pad_n_per_m]

@@ -19,7 +19,7 @@ from weld_force_ros.assessment.criteria import gradient_norm_rad
 from weld_force_ros.assessment.grinding_constraints import Axes, LimitConstraints, PassageGrid, largest
 from weld_force_ros.assessment.grinding_search import Grinder, Removal, least_removal
 from weld_force_ros.assessment.grinding_spots import by_hand, grinding_spots
-from weld_force_ros.assessment.judge import judge_relevant
+from weld_force_ros.assessment.judge import asks_of, judge_relevant
 from weld_force_ros.messages import (
     AssessmentSettings,
     ForceMap,
@@ -121,7 +121,8 @@ class Adviser:
             NumericalError: a passage did not stay finite.
         """
         began = time.perf_counter()
-        map_before = self._simulator.force_map(profile)
+        asks = asks_of(self._limits)
+        map_before = self._simulator.force_map(profile, asks)
         relevant = relevant_range(map_before)
         before = judge_relevant(relevant, self._limits)
         if _within(before):
@@ -130,7 +131,7 @@ class Adviser:
             found = self._search(profile, relevant, on_step)
         # What does not help is not advised, however near it comes.
         removal = found.removal if found.excess <= 0 else self._nothing(profile)
-        map_after = _as_finely_measured(self._simulator.force_map(_ground(profile, removal)), map_before)
+        map_after = _as_finely_measured(self._simulator.force_map(_ground(profile, removal), asks), map_before)
         relevant_after = relevant_range(map_after)
         after = judge_relevant(relevant_after, self._limits)
         return GrindingAdvice(

@@ -11,6 +11,7 @@ from weld_force_ros import SOFTWARE
 from weld_force_ros.assessment.decision import force_share
 from weld_force_ros.assessment.limits import worst
 from weld_force_ros.assessment.speed_advice import advise
+from weld_force_ros.assessment.speed_questions import SpeedQuestions
 from weld_force_ros.assessment.verdict import WORST_POSITION, Evaluation, evaluate
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import (
@@ -25,6 +26,7 @@ from weld_force_ros.messages import (
     WeldProfile,
     known,
 )
+from weld_force_ros.simulation.curve_refinement import Asks
 from weld_force_ros.simulation.force_map_view import RelevantMap, relevant_range
 
 _AFTER_PEAK_M = 0.1
@@ -33,8 +35,8 @@ _AFTER_PEAK_M = 0.1
 class Simulates(Protocol):
     """The part of a simulator that a verdict needs."""
 
-    def force_map(self, profile: WeldProfile) -> ForceMap:
-        """Compute the forces at every speed and position."""
+    def force_map(self, profile: WeldProfile, asks: Asks | None = None) -> ForceMap:
+        """Compute the forces at every speed and position, and a curve that answers what is asked."""
 
     def force_history(
         self,
@@ -74,7 +76,7 @@ def assess_vehicles(profile: WeldProfile, simulators: Sequence[Simulates], limit
         NumericalError: a passage did not stay finite.
         InputError: no limit holds for a line of that speed.
     """
-    force_maps = simulate_vehicles(profile, simulators)
+    force_maps = simulate_vehicles(profile, simulators, limits)
     verdict = judge_vehicles(force_maps, limits)
     deciding = [m.config_sha256 for m in force_maps].index(verdict.config_sha256)
     relevant = relevant_range(force_maps[deciding])
@@ -82,17 +84,30 @@ def assess_vehicles(profile: WeldProfile, simulators: Sequence[Simulates], limit
     return Assessment(force_maps[deciding], history, verdict)
 
 
-def simulate_vehicles(profile: WeldProfile, simulators: Sequence[Simulates]) -> list[ForceMap]:
+def simulate_vehicles(
+    profile: WeldProfile, simulators: Sequence[Simulates], limits: AssessmentSettings | None = None
+) -> list[ForceMap]:
     """Compute a weld's force map under each of several vehicles; the maps say that they are judged together.
+
+    Args:
+        profile: the weld.
+        simulators: of each vehicle.
+        limits: by which it will be judged; if they are not known, curves are simulated at every km/h.
 
     Raises:
         NumericalError: a passage did not stay finite.
         InputError: the weld's position lies beyond the sleeper span.
     """
-    force_maps = [simulator.force_map(profile) for simulator in simulators]
+    asks = None if limits is None else asks_of(limits)
+    force_maps = [simulator.force_map(profile, asks) for simulator in simulators]
     for force_map in force_maps if len(force_maps) > 1 else ():
         force_map.judged_together = [one.config_sha256 for one in force_maps]
     return force_maps
+
+
+def asks_of(limits: AssessmentSettings) -> Asks:
+    """Return what advice on speed by some limits asks of force-speed curves."""
+    return lambda force_map: SpeedQuestions(limits.limits, limits.limits_sha256, told_apart(force_map, limits))
 
 
 def judge_vehicles(force_maps: Sequence[ForceMap], limits: AssessmentSettings) -> Verdict:
@@ -133,6 +148,7 @@ def judge_relevant(relevant: RelevantMap, limits: AssessmentSettings) -> Verdict
     Raises:
         InputError: no limit holds for a line of that speed.
     """
+    relevant = relevant.answering(limits.limits_sha256)
     force_map, evaluation = relevant.force_map, _evaluate(relevant, limits)
     if not evaluation.criteria:
         raise InputError(
@@ -151,7 +167,7 @@ def judge_relevant(relevant: RelevantMap, limits: AssessmentSettings) -> Verdict
         geometry_kind=UNSET if isinstance(force_map.measures, UnsetType) else force_map.measures.kind,
         samples=len(force_map.spread.support_factor) if isinstance(force_map.spread, UncertaintyResult) else 0,
         **asdict(evaluation),
-        **asdict(advise(*relevant.worst_by_speed(), limits.limits, told_apart(relevant, limits))),
+        **asdict(advise(*relevant.worst_by_speed(), limits.limits, told_apart(force_map, limits))),
     )
 
 
@@ -170,7 +186,7 @@ def deciding_history(
     return _history(profile, simulator, relevant, _evaluate(relevant, limits).criteria if limits else [])
 
 
-def told_apart(relevant: RelevantMap, limits: AssessmentSettings) -> float | None:
+def told_apart(force_map: ForceMap, limits: AssessmentSettings) -> float | None:
     """Return the share of forces' dynamic part below which differences are fit error and model uncertainty.
 
     None where rules accept no risk, as in earlier versions: every difference is then told.
@@ -178,7 +194,7 @@ def told_apart(relevant: RelevantMap, limits: AssessmentSettings) -> float | Non
     rules = limits.rules
     if isinstance(rules, UnsetType) or isinstance(rules.accepted_risk, UnsetType):
         return None
-    return force_share(relevant, known(rules.model_uncertainty) or [])
+    return force_share(force_map, known(rules.model_uncertainty) or [])
 
 
 def permitted_kmh(verdict: Verdict) -> float | None:

@@ -76,26 +76,33 @@ def advise(
 
 def _avoid(speeds_kmh: FloatArray, worst: Passages, limits: Sequence[Limit], share: float) -> list[SpeedBand]:
     """Return the speeds beyond limits, of those bands that reach beyond them by more than `error_share`."""
+    clearly = ~within_limits(speeds_kmh, lessened(worst, share), limits)
+    bands = runs(~within_limits(speeds_kmh, worst, limits))
+    return [
+        SpeedBand(from_kmh=float(speeds_kmh[band][0]), to_kmh=float(speeds_kmh[band][-1]))
+        for band in bands
+        if clearly[band].any()
+    ]
+
+
+def lessened(worst: Passages, share: float) -> Passages:
+    """Return passages whose forces depart less from rest, by a share: what is beyond limits even so clearly is."""
     rest_n = worst.static_load_n
     less: dict[str, Any] = {
         name: values if name == "contact_loss_s" else rest_n + (1 - share) * (values - rest_n)
         for name, values in worst.columns.items()
     }
-    clearly = ~within_limits(speeds_kmh, replace(worst, **less), limits)
-    bands = _bands(speeds_kmh, ~within_limits(speeds_kmh, worst, limits))
-    return [b for b in bands if clearly[(speeds_kmh >= b.from_kmh) & (speeds_kmh <= b.to_kmh)].any()]
+    return replace(worst, **less)
 
 
-def _bands(speeds_kmh: FloatArray, inside: NDArray[np.bool_]) -> list[SpeedBand]:
+def runs(inside: NDArray[np.bool_]) -> list[slice]:
+    """Return the runs of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]))).reshape(-1, 2)
-    return [SpeedBand(from_kmh=float(speeds_kmh[first]), to_kmh=float(speeds_kmh[last - 1])) for first, last in edges]
+    return [slice(first, last) for first, last in edges.tolist()]
 
 
 def _restrictions(speeds_kmh: FloatArray, peak_n: FloatArray, up_to_within: NDArray[np.bool_]) -> list[Restriction]:
-    """Return the highest speed, then every step below it; each at the nearest computed speed that is not above it."""
-    top = float(speeds_kmh[-1])
-    below = np.arange(np.ceil(top / RESTRICTION_STEP_KMH) - 1, 0, -1) * RESTRICTION_STEP_KMH
-    at = np.searchsorted(speeds_kmh, [top, *below[below >= speeds_kmh[0]]], side="right") - 1
+    """Return the highest speed, then every step below it."""
     return [
         Restriction(
             speed_kmh=float(speeds_kmh[i]),
@@ -103,8 +110,16 @@ def _restrictions(speeds_kmh: FloatArray, peak_n: FloatArray, up_to_within: NDAr
             change=float(peak_n[i] / peak_n[-1] - 1),
             within_limits=bool(up_to_within[i]),
         )
-        for i in dict.fromkeys(at.tolist())
+        for i in restricted(speeds_kmh)
     ]
+
+
+def restricted(speeds_kmh: FloatArray) -> list[int]:
+    """Return the indices of the highest speed, then of every step below it: the nearest speed that is not above it."""
+    top = float(speeds_kmh[-1])
+    below = np.arange(np.ceil(top / RESTRICTION_STEP_KMH) - 1, 0, -1) * RESTRICTION_STEP_KMH
+    at = np.searchsorted(speeds_kmh, [top, *below[below >= speeds_kmh[0]]], side="right") - 1
+    return [*dict.fromkeys(at.tolist())]
 
 
 def _shape(

@@ -88,6 +88,9 @@ def of_curve(force_map: ForceMap, settings: SimulationSettings | None) -> xr.Dat
     variables = {name: _variable(name, ("speed_kmh",), values) for name, values in worst.columns.items()}
     variables["worst_position_m"] = _variable("worst_position_m", ("speed_kmh",), at_m)
     running = np.where(against, "against", "with")
+    if isinstance(curve, SpeedCurve) and not isinstance(curve.estimated, UnsetType):
+        told = {"long_name": "estimated between simulated speeds: advice by the verdict's limits does not depend on it"}
+        variables["estimated"] = (("speed_kmh",), np.array(curve.estimated), told)
     variables["worst_running"] = ("speed_kmh", running, {"long_name": "running direction at the peak"})
     axis = _variable("speed_kmh", ("speed_kmh",), speeds)
     return xr.Dataset(variables, {"speed_kmh": axis}, _provenance(force_map, settings))

@@ -135,6 +135,8 @@ class Verdict:
     def force_curve(self) -> xr.Dataset:
         """Return the worst force against speed, as `Model.force_curve` returns it.
 
+        Where `estimated`, it was not simulated but lies between speeds that were: the verdict does not depend on it.
+
         Examples:
             >>> verdict.force_curve.sizes["speed_kmh"]
             101

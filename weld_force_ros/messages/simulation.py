@@ -162,6 +162,10 @@ class SpeedCurve(msgspec.Struct, kw_only=True):
     Attributes:
         at_m: where the weld lies in the passage with the largest peak.
         against: whether that passage runs against rising x; absent where one direction was simulated.
+        estimated: whether a column's worst at that speed was not simulated but estimated from neighbouring speeds;
+            absent where all was simulated.
+        limits_sha256: of the limits for which simulated speeds were chosen, so that advice on speed by these limits is
+            that of every speed simulated; absent where all was.
     """
 
     speeds_kmh: Annotated[list[SpeedKmh], Meta(min_length=1, max_length=MAX_SPEEDS)]
@@ -172,6 +176,8 @@ class SpeedCurve(msgspec.Struct, kw_only=True):
     p2_force_n: Cells | UnsetType = UNSET
     force_20hz_n: Cells | UnsetType = UNSET
     against: Annotated[list[bool], Meta(max_length=MAX_SPEEDS)] | UnsetType = UNSET
+    estimated: Annotated[list[bool], Meta(max_length=MAX_SPEEDS)] | UnsetType = UNSET
+    limits_sha256: Sha256 | UnsetType = UNSET
 
 
 class OppositeDirection(msgspec.Struct, kw_only=True):
@@ -325,7 +331,7 @@ class ForceMap(Message, kw_only=True):
             return None
         if not increasing(self.curve.speeds_kmh):
             return "curve: speeds_kmh must increase"
-        columns = [name for name in self.curve.__struct_fields__ if name != "speeds_kmh"]
+        columns = [name for name in self.curve.__struct_fields__ if name not in ("speeds_kmh", "limits_sha256")]
         return wrong_length(self.curve, columns, len(self.curve.speeds_kmh), "curve: ")
 
     def _spread_problem(self) -> str | None:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from msgspec import UnsetType
 from msgspec.structs import replace
 
-from weld_force_ros.assessment.judge import judge_vehicles
+from weld_force_ros.assessment.judge import asks_of, judge_vehicles
 from weld_force_ros.errors import WeldForceError
 from weld_force_ros.messages import AssessmentSettings, ForceMap, SimulationSettings, Verdict
 from weld_force_ros.recording.recording import Recording
@@ -52,15 +52,31 @@ class Recomputation:
         settings = self._settings.get(recorded.config_sha256)
         if settings is None:
             raise missing("simulation settings")
-        support = [] if isinstance(recorded.support, UnsetType) else recorded.support
-        return replace(
-            self._simulator(settings).force_map(replace(profile, running=recorded.running, support=support)),
+        stated = replace(
+            profile,
             line_speed_kmh=recorded.line_speed_kmh,
             weld_position_m=recorded.weld_position_m,
             chainage_m=recorded.chainage_m,
             rail=recorded.rail,
-            judged_together=recorded.judged_together,
+            running=recorded.running,
+            support=[] if isinstance(recorded.support, UnsetType) else recorded.support,
         )
+        asked = self._limits or self._recording.limits.get(_asked_sha256(recorded))
+        computed = self._simulator(settings).force_map(stated, None if asked is None else asks_of(asked))
+        return replace(computed, judged_together=recorded.judged_together)
+
+    def answering(self, recorded: ForceMap) -> ForceMap:
+        """Return a recorded map with a curve that answers for the limits given for all.
+
+        Where its speeds were chosen for other limits, the curve is simulated again.
+
+        Raises:
+            WeldForceError: the profile or the settings were not recorded, or cannot be simulated.
+        """
+        asked = _asked_sha256(recorded)
+        if self._limits is None or asked in ("", self._limits.limits_sha256):
+            return recorded
+        return replace(recorded, curve=self.force_map(recorded).curve)
 
     def verdict(self, recorded: Verdict, force_maps: Sequence[ForceMap]) -> Verdict:
         """Return the verdict on a weld's maps by the limits of a recorded verdict, or by those given for all.
@@ -83,6 +99,12 @@ class Recomputation:
         if isinstance(simulator, WeldForceError):
             raise simulator
         return simulator
+
+
+def _asked_sha256(force_map: ForceMap) -> str:
+    """Return the limits for which the speeds of a map's curve were chosen; empty if they were not."""
+    curve = force_map.curve
+    return "" if isinstance(curve, UnsetType) or isinstance(curve.limits_sha256, UnsetType) else curve.limits_sha256
 
 
 def missing(what: str) -> WeldForceError:

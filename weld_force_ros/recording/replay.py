@@ -4,19 +4,20 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from msgspec import UNSET
+from msgspec import UNSET, UnsetType
 
 from weld_force_ros.errors import WeldForceError
 from weld_force_ros.messages import ForceMap, Message, SpeedCurve, UncertaintyResult, Verdict, known
 from weld_force_ros.recording.recomputation import Recomputation
 from weld_force_ros.recording.recording import Recording, SimulationKey, judged_together, simulation_key
+from weld_force_ros.simulation.force_map_view import at_speeds, simulated_part
 
 # Another processor may round differently, and the contact magnifies it; a real difference is far larger.
 FORCE_TOLERANCE = 1e-6
 PLACE_TOLERANCE_M = 1e-3
 TIME_TOLERANCE_S = 1e-4
 
-_PLACES = ("at_m", "against")  # of a curve
+_NOT_COMPARED = ("at_m", "against", "limits_sha256")  # of a curve
 
 
 @dataclass(frozen=True)
@@ -96,10 +97,19 @@ def _map_differences(recorded: ForceMap, computed: ForceMap) -> Iterator[str]:
                 f"{recorded.positions_m[column]:g} m ({count} of {difference.size} passages)"
             )
 
-    for name in ("curve", "spread"):
-        was, now = getattr(recorded, name), getattr(computed, name)
-        if was is not UNSET and (now is UNSET or not _columns_agree(was, now, force_n)):
+    curves = _simulated_in_both(recorded, computed)
+    for name, (was, now) in {"curve": curves, "spread": (recorded.spread, computed.spread)}.items():
+        if not isinstance(was, UnsetType) and (isinstance(now, UnsetType) or not _columns_agree(was, now, force_n)):
             yield f"{name} differs"
+
+
+def _simulated_in_both(recorded: ForceMap, computed: ForceMap) -> tuple[SpeedCurve | UnsetType, SpeedCurve | UnsetType]:
+    """Return both curves without speeds at which either was estimated: rounding may have chosen other ones."""
+    was, now = recorded.curve, computed.curve
+    if isinstance(was, UnsetType) or isinstance(now, UnsetType):
+        return was, now
+    was, now = simulated_part(was), simulated_part(now)
+    return at_speeds(was, {*now.speeds_kmh}), at_speeds(now, {*was.speeds_kmh})
 
 
 def _columns_agree(
@@ -110,7 +120,7 @@ def _columns_agree(
     A column that an earlier version did not compute is absent or empty. Where the largest force is, is not compared: of
     places and directions with the same force, as a symmetric weld has them, rounding picks one.
     """
-    names = [name for name in was.__struct_fields__ if name not in _PLACES]
+    names = [name for name in was.__struct_fields__ if name not in _NOT_COMPARED]
     columns = ((getattr(was, name), getattr(now, name), name.endswith("_n")) for name in names)
     return all(
         a is UNSET

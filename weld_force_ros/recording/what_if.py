@@ -155,6 +155,8 @@ def what_if(
             raise missing("force map")
         if change.changes_forces:
             force_maps = [again.force_map(force_map) for force_map in force_maps]
+        elif change.limits:
+            force_maps = [again.answering(force_map) for force_map in force_maps]
         return again.verdict(recorded, force_maps)
 
     for verdict in latest_verdicts(recording):

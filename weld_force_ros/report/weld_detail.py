@@ -50,7 +50,7 @@ _NINETY_PERCENT = 1.645  # standard deviations on either side
 
 def content(weld: WeldRecord) -> dict[str, Any]:
     """Return the numbers of a weld's figures and tables, as far as they are known."""
-    share = told_apart(relevant_range(weld.force_map), weld.limits) if weld.force_map and weld.limits else None
+    share = told_apart(weld.force_map, weld.limits) if weld.force_map and weld.limits else None
     found = {
         "map": weld.force_map and _map(weld.force_map, share),
         "curves": weld.force_map and _curves(weld.force_map, weld.verdict, weld.limits, share),

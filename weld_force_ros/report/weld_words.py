@@ -24,7 +24,6 @@ from weld_force_ros.report.quantities import (
     quantity,
     unit_of,
 )
-from weld_force_ros.simulation.force_map_view import relevant_range
 
 _SYMBOLS = ("P2", "Qmax")  # which keep their capital in a sentence
 _NOT_LINEAR = ("contact_loss", "hertz_pressure_index")  # in the force
@@ -159,7 +158,7 @@ def _model_error(criterion: Criterion, record: WeldRecord) -> float | None:
     force_map = record.force_map
     if force_map is None or criterion.name not in FORCE_CRITERIA or criterion.name in _NOT_LINEAR:
         return None
-    share = told_apart(relevant_range(force_map), record.limits) if record.limits else known(force_map.model_error)
+    share = told_apart(force_map, record.limits) if record.limits else known(force_map.model_error)
     rest = value_at_rest(criterion.name, record.verdict.static_load_n)
     return None if share is None else share * abs(criterion.value - rest)
 

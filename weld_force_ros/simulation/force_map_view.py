@@ -1,7 +1,8 @@
 """View the part of a force map that is relevant: up to the line's speed, at the weld's position in the span."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, fields
+from dataclasses import replace as changed
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -195,9 +196,19 @@ class RelevantMap:
     def worst_by_speed(self) -> tuple[FloatArray, Passages]:
         """Return speeds (n,) up to the line's and the worst over positions at each: from the curve, if there is one."""
         speeds, worst = force_curve(self)
-        line_kmh = self.force_map.line_speed_kmh
-        count = _count_up_to(speeds, speeds[-1] if isinstance(line_kmh, UnsetType) else line_kmh)
+        count = count_up_to(speeds, self.force_map.line_speed_kmh)
         return speeds[:count], worst.at(slice(count))
+
+    def answering(self, limits_sha256: str) -> "RelevantMap":
+        """Return it as verdicts by some limits see it.
+
+        If the curve's speeds were chosen for other limits, what was estimated between them does not answer these: only
+        what was simulated stays.
+        """
+        curve = self.force_map.curve
+        if isinstance(curve, UnsetType) or curve.limits_sha256 in (UNSET, limits_sha256):
+            return self
+        return changed(self, force_map=replace(self.force_map, curve=simulated_part(curve)))
 
 
 def whole_map(force_map: ForceMap) -> RelevantMap:
@@ -209,7 +220,7 @@ def relevant_range(force_map: ForceMap, *, up_to_line: bool = True) -> RelevantM
     """Return the part of a force map that can happen; with the speeds above the line's if not `up_to_line`."""
     speeds, positions = np.array(force_map.speeds_kmh), np.array(force_map.positions_m)
     line_kmh = float(speeds[-1]) if isinstance(force_map.line_speed_kmh, UnsetType) else force_map.line_speed_kmh
-    rows = np.arange(_count_up_to(speeds, line_kmh) if up_to_line else len(speeds))
+    rows = np.arange(count_up_to(speeds, line_kmh) if up_to_line else len(speeds))
     columns = relevant_positions(positions, force_map.weld_position_m, force_map.span_m)
     passages, peak_x_m, by_direction, against = _worse(force_map, np.ix_(rows, columns))
     return RelevantMap(force_map, speeds[rows], positions[columns], passages, peak_x_m, line_kmh, by_direction, against)
@@ -269,6 +280,23 @@ def force_curve(relevant: RelevantMap) -> tuple[FloatArray, Passages]:
     return speeds, Passages.of_message(curve, relevant.force_map.static_load_n, speeds.shape)
 
 
+def simulated_part(curve: SpeedCurve) -> SpeedCurve:
+    """Return a curve without what was estimated between its simulated speeds."""
+    if isinstance(curve.estimated, UnsetType):
+        return curve
+    known = {speed for speed, estimated in zip(curve.speeds_kmh, curve.estimated, strict=True) if not estimated}
+    return replace(at_speeds(curve, known), estimated=UNSET, limits_sha256=UNSET)
+
+
+def at_speeds(curve: SpeedCurve, speeds_kmh: Container[float]) -> SpeedCurve:
+    """Return a curve at some of its speeds."""
+    kept = [number for number, speed in enumerate(curve.speeds_kmh) if speed in speeds_kmh]
+    columns = {name: getattr(curve, name) for name in curve.__struct_fields__}
+    return replace(
+        curve, **{name: [values[i] for i in kept] for name, values in columns.items() if isinstance(values, list)}
+    )
+
+
 def index_of_largest(values: FloatArray) -> tuple[int, int]:
     """Return row and column of the largest of values (n_row, n_column)."""
     row, column = np.unravel_index(np.argmax(values), values.shape)
@@ -281,6 +309,9 @@ def rounded(values: FloatArray, decimals: int) -> list[float]:
     return listed
 
 
-def _count_up_to(speeds_kmh: FloatArray, line_kmh: float) -> int:
+def count_up_to(speeds_kmh: FloatArray, line_kmh: float | UnsetType) -> int:
+    """Return how many of increasing speeds count on a line: all, if its speed is not known."""
+    if isinstance(line_kmh, UnsetType):
+        return len(speeds_kmh)
     # A grid that starts above the line's speed is judged at its lowest.
     return max(1, int(np.sum(speeds_kmh <= line_kmh * (1 + 1e-9))))

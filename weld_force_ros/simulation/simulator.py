@@ -24,9 +24,12 @@ from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
 from weld_force_ros.simulation import hanging_samples, sleeper_samples, track_file
+from weld_force_ros.simulation.curve_bounds import CurveBounds, Selection
+from weld_force_ros.simulation.curve_refinement import Asks, refine
 from weld_force_ros.simulation.force_map_view import (
     Passages,
     RelevantMap,
+    count_up_to,
     relevant_positions,
     relevant_range,
     rounded,
@@ -87,11 +90,15 @@ class Simulator:
         x_m, z_m, radius_m = np.array(profile.x_m), np.array(profile.z_m), self.vehicle_track.wheel.radius_m
         return wheel_path_over(x_m, z_m, radius_m, self.settings.patch_half_length_m)
 
-    def force_map(self, profile: WeldProfile, *, on_speed: Callable[[], None] = lambda: None) -> ForceMap:
+    def force_map(
+        self, profile: WeldProfile, asks: Asks | None = None, *, on_speed: Callable[[], None] = lambda: None
+    ) -> ForceMap:
         """Compute the forces at every speed and position of the settings.
 
         Args:
             profile: the weld.
+            asks: returns what the curve is to answer, at a fraction of the passages; without it the curve is simulated
+                at every km/h.
             on_speed: called after each speed.
 
         Raises:
@@ -108,7 +115,7 @@ class Simulator:
             low_passed=True,
             on_speed=on_speed,
         )
-        return self._force_map(profile, wheel_path, track, runs, peak_maps, began)
+        return self._force_map(profile, wheel_path, track, runs, peak_maps, began, asks)
 
     def force_maps(self, profiles: Sequence[WeldProfile]) -> Iterator[ForceMap]:
         """Compute `force_map` of many welds, in their order: faster than one by one, as they share the SIMD lanes.
@@ -161,6 +168,7 @@ class Simulator:
         runs: list[Run],
         peak_maps: list[PeakMap],
         began_s: float,
+        asks: Asks | None = None,
     ) -> ForceMap:
         settings = self.settings
         columns = [self._columns(run, peak_map) for run, peak_map in zip(runs, peak_maps, strict=True)]
@@ -189,7 +197,7 @@ class Simulator:
             **columns[0],
         )
         if self._with_curves:
-            force_map.curve = self._curve(wheel_path, track, runs, peak_maps, profile.weld_position_m)
+            force_map.curve = self._curve(wheel_path, track, runs, peak_maps, force_map, asks)
         if track.sampler is not None:
             relevant, draw = relevant_range(force_map), track.sampler.geometries
             geometries = drawn_alike(profile, draw) if len(runs) > 1 else draw(profile)
@@ -244,37 +252,52 @@ class Simulator:
         track: TrackAtWeld,
         runs: list[Run],
         peak_maps: list[PeakMap],
-        weld_position_m: float | UnsetType,
+        force_map: ForceMap,
+        asks: Asks | None,
     ) -> SpeedCurve:
         """Return the worst over relevant positions and directions at every whole km/h and every speed of the map.
 
         Slower engines leave it out: speed advice is then as fine as the map.
         """
-        speeds, positions = np.array(self.settings.speeds_kmh), np.array(self.settings.positions_m)
-        relevant = relevant_positions(positions, weld_position_m, self._span_m)
+        map_kmh, positions = np.array(self.settings.speeds_kmh), np.array(self.settings.positions_m)
+        relevant = relevant_positions(positions, force_map.weld_position_m, self._span_m)
         places = positions[relevant]
-        between = np.setdiff1d(np.arange(np.ceil(speeds[0]), speeds[-1]), speeds)
-        parts = [Passages.beside([self._passages(peak_map).at(np.s_[:, relevant]) for peak_map in peak_maps])]
-        if len(between):
+        between = np.setdiff1d(np.arange(np.ceil(map_kmh[0]), map_kmh[-1]), map_kmh)
+        speeds = np.sort(np.concatenate([map_kmh, between]))
+        nominal = Passages.beside([self._passages(peak_map).at(np.s_[:, relevant]) for peak_map in peak_maps])
+
+        def simulate(selected: Selection) -> Passages:
             assert isinstance(track.vehicle_track, VehicleTrackModel), "engines with curves are fitted"  # noqa: S101
-            selected = possibly_worst(parts[0], speeds, between)
-            finer = track.vehicle_track.maps_of_few(
+            found = track.vehicle_track.maps_of_few(
                 [run.path(wheel_path) for run in runs],
                 between,
                 np.stack([run.places(places) for run in runs]),
                 low_passed=True,
                 selected=selected.reshape(len(between), len(runs), len(places)),
             )
-            parts.append(Passages.beside([self._passages(peak_map) for peak_map in finer]).only(selected))
-        all_speeds = np.concatenate([speeds, between])
-        order = np.argsort(all_speeds)
-        all_parts = Passages.concatenated(parts).at(order)
-        place = all_parts.peak_force_n.argmax(axis=1)
+            return Passages.beside([self._passages(peak_map) for peak_map in found])
+
+        estimated: list[bool] | UnsetType = UNSET
+        limits_sha256: str | UnsetType = UNSET
+        if asks is None or not len(between):
+            parts = [nominal]
+            if len(between):
+                selected = possibly_worst(nominal, map_kmh, between)
+                parts.append(simulate(selected).only(selected))
+            passages = Passages.concatenated(parts).at(np.argsort(np.concatenate([map_kmh, between])))
+        else:
+            questions, bounds = asks(force_map), CurveBounds(nominal, map_kmh, speeds)
+            refine(bounds, count_up_to(speeds, force_map.line_speed_kmh), questions, simulate)
+            passages, limits_sha256 = bounds.expected, questions.limits_sha256
+            estimated = (~bounds.is_known).tolist()
+        place = passages.peak_force_n.argmax(axis=1)
         return SpeedCurve(
-            speeds_kmh=all_speeds[order].tolist(),
+            speeds_kmh=speeds.tolist(),
             at_m=rounded(places[place % len(places)], _PLACE_DECIMALS),
             against=(place >= len(places)).tolist() if len(runs) > 1 else UNSET,
-            **all_parts.worst(axis=1).rounded(_FORCE_DECIMALS, _TIME_DECIMALS),
+            estimated=estimated,
+            limits_sha256=limits_sha256,
+            **passages.worst(axis=1).rounded(_FORCE_DECIMALS, _TIME_DECIMALS),
         )
 
     def _passages(self, peak_map: PeakMap) -> Passages:

@@ -178,7 +178,7 @@ class SimdBatch:
         for (blocks, pairs), results in zip(own, pool.map(simulate, *zip(*own, strict=True)), strict=True):
             found[blocks[:, None], pairs] = results
         by_speed = found.transpose(0, 2, 1, 3).reshape(-1, selected.shape[1], found.shape[3])[: len(selected)]
-        shown = with_filters_later(filters, places.starts // self._stride, by_speed)
+        shown = _with_filters_later(filters, places.starts // self._stride, by_speed, selected)
         if self._extremes is None:
             return shown
         return self._extremes.added(self._solver, self._stride, places.starts, shown)
@@ -247,7 +247,7 @@ class ScalarBatch:
         for row, own, results in zip(rows, columns, simulated, strict=True):
             found[row, own] = results
         stride = self._speeds[0].steady_state.stride
-        shown = with_filters_later(filters, places.starts // stride, found)
+        shown = _with_filters_later(filters, places.starts // stride, found, selected)
         return shown if self._extremes is None else self._extremes.added(self._solver, stride, places.starts, shown)
 
     def _simulate(self, places: PassageStarts, filters: LowPass, row: int, columns: NDArray[np.intp]) -> FloatArray:
@@ -301,13 +301,23 @@ def _block_filters(
     )
 
 
-def with_filters_later(filters: LowPass, starts: StepCounts, found: FloatArray) -> FloatArray:
-    """Return `Batch.peaks`'s results from the compiled passages' (n_speed, n_place, n_column)."""
+def with_filters_later(filters: LowPass, speeds: NDArray[np.intp], starts: StepCounts, found: FloatArray) -> FloatArray:
+    """Return `Batch.peaks`'s results from the compiled passages' (n_speed, n_place, n_column), of some speeds."""
     shown = _UNFILTERED + filters.gains.shape[1]
+    results = found[:, :, :shown]
     if shown > _UNFILTERED:
         ends = (starts + found[:, :, 5].astype(np.int64)) % filters.smooth_n.shape[2]
-        found[:, :, _UNFILTERED:shown] = greatest(filters, found[:, :, _UNFILTERED:shown], ends, found[:, :, shown:])
-    return found[:, :, :shown]
+        results[:, :, _UNFILTERED:] = greatest(filters, speeds, results[:, :, _UNFILTERED:], ends, found[:, :, shown:])
+    return results
+
+
+def _with_filters_later(filters: LowPass, starts: StepCounts, found: FloatArray, selected: Selection) -> FloatArray:
+    """Do as `with_filters_later` at the speeds and places (n_speed, n_place) of which any passage is selected."""
+    speeds, places = np.flatnonzero(selected.any(axis=1)), np.flatnonzero(selected.any(axis=0))
+    part = with_filters_later(filters, speeds, starts[places], found[np.ix_(speeds, places)])
+    results = found[:, :, : part.shape[2]]
+    results[np.ix_(speeds, places)] = part
+    return results
 
 
 class SmoothExtremes(NamedTuple):

@@ -156,9 +156,9 @@ class LaneTables:
         """Return results (n_sample, n_place, AT_ONCE, n_shown) with what filters still show after the passages."""
         starts, parts = places.starts // self._stride, list[FloatArray]()
         for place, chosen in enumerate(speeds):
-            own = LowPass(*(array[chosen] for array in filters))
             at = np.full(len(found), starts[place])
-            parts.append(with_filters_later(own, at, np.ascontiguousarray(found[:, place].transpose(1, 0, 2))))
+            of_place = np.ascontiguousarray(found[:, place].transpose(1, 0, 2))
+            parts.append(with_filters_later(filters, chosen, at, of_place))
         return np.stack(parts, axis=1).transpose(2, 1, 0, 3)
 
 

@@ -47,9 +47,9 @@ class LowPass(NamedTuple):
         floors_n: (n_speed, n_filter), the level that a transient still rises from, for filters that let it pass: the
             greatest on smooth rail; minus infinity for slow filters, which no passage goes on for.
         smooth_wheel: (n_speed, n_grid, 3), as `SteadyState`.
-        later: (n_speed, ORDER n_filter + 3, n_filter, n_time), departure after a passage per state u, then per
-            displacement, velocity and force of the wheel; zero where the passage itself goes on for the filter.
-        steps: (n_speed, n_filter, n_time), when that is, in steps after the end.
+        later: (n_speed, ORDER n_slow + 3, n_slow, n_time), departure after a passage per state u, then per
+            displacement, velocity and force of the wheel, of the slow filters.
+        steps: (n_speed, n_slow, n_time), when that is, in steps after the end.
     """
 
     decay: FloatArray
@@ -72,27 +72,35 @@ def low_pass(steady_states: Sequence[SteadyState], mass_kg: float, cutoffs_hz: t
     shapes, gains = 2 * residues * input_scale, (2 * residues * new).real.sum(axis=2)
     smooth_n = _periodic(decay, shapes, gains, np.stack([steady_state.smooth_n for steady_state in steady_states]))
     cutoffs = np.array(cutoffs_hz)[:, None]
-    steps = np.rint(_FADING / cutoffs * np.linspace(0.0, 1.0, _LATER) / dt).astype(np.int64)
-    slow = cutoffs < WHEELSET_HZ
-    swing = np.where(slow, 2 * residues, 0.0)[..., None] * np.exp(poles[..., None] * (steps * dt)[:, :, None])
+    is_slow = cutoffs[:, 0] < WHEELSET_HZ
+    steps = np.rint(_FADING / cutoffs[is_slow] * np.linspace(0.0, 1.0, _LATER) / dt).astype(np.int64)
+    swing = 2 * residues[is_slow, :, None] * np.exp(poles[is_slow, :, None] * (steps * dt)[:, :, None])
+    wheel = _of_wheel(poles[is_slow], new[:, is_slow], mass_kg, swing)
     return LowPass(
         decay=_parts(decay),
         shapes=_parts(shapes),
         gains=gains,
         smooth_n=smooth_n,
         smooth_greatest_n=smooth_n.max(axis=2),
-        floors_n=np.where(slow[:, 0], -np.inf, smooth_n.max(axis=2)),
+        floors_n=np.where(is_slow, -np.inf, smooth_n.max(axis=2)),
         smooth_wheel=np.stack([steady_state.smooth_wheel for steady_state in steady_states]),
-        later=np.concatenate([_of_states(input_scale, swing), _of_wheel(poles, new, mass_kg, swing)], axis=1),
+        later=np.concatenate([_of_states(input_scale[:, is_slow], swing), wheel], axis=1),
         steps=steps,
     )
 
 
-def greatest(filters: LowPass, seen_n: FloatArray, ends: NDArray[np.int64], endings: FloatArray) -> FloatArray:
+def greatest(
+    filters: LowPass,
+    speeds: NDArray[np.intp],
+    seen_n: FloatArray,
+    ends: NDArray[np.int64],
+    endings: FloatArray,
+) -> FloatArray:
     """Return the greatest low-passed force of passages, during them or later, at least that on smooth rail.
 
     Args:
         filters: of all speeds.
+        speeds: (n_speed,), indices of those that the passages have.
         seen_n: (n_speed, n_position, n_filter), greatest during the passage.
         ends: (n_speed, n_position), step of the span at which it ended.
         endings: (n_speed, n_position, ORDER n_filter + 3), states u and the wheel there.
@@ -100,14 +108,19 @@ def greatest(filters: LowPass, seen_n: FloatArray, ends: NDArray[np.int64], endi
     Returns:
         (n_speed, n_position, n_filter).
     """
+    found = np.maximum(seen_n, filters.smooth_greatest_n[speeds, None])
+    is_slow = np.isneginf(filters.floors_n).all(axis=0)
+    if not is_slow.any():
+        return found
     _, states, kinds, times = filters.later.shape
-    grid, speed = filters.smooth_n.shape[2], np.arange(len(ends))[:, None]
-    departure = endings.copy()
+    grid, speed = filters.smooth_n.shape[2], speeds[:, None]
+    departure = endings[..., np.append(np.repeat(is_slow, ORDER), [True, True, True])]
     departure[..., -3:] -= filters.smooth_wheel[speed, ends]
-    later = (departure @ filters.later.reshape(-1, states, kinds * times)).reshape(*ends.shape, kinds, times)
-    at = (ends[:, :, None, None] + filters.steps[:, None]) % grid
-    later += filters.smooth_n[speed[:, :, None, None], np.arange(kinds)[:, None], at]
-    return np.asarray(np.maximum(np.maximum(seen_n, later.max(axis=3)), filters.smooth_greatest_n[:, None]))
+    later = (departure @ filters.later[speeds].reshape(-1, states, kinds * times)).reshape(*ends.shape, kinds, times)
+    at = (ends[:, :, None, None] + filters.steps[speeds, None]) % grid
+    later += filters.smooth_n[speed[:, :, None, None], np.flatnonzero(is_slow)[:, None], at]
+    found[..., is_slow] = np.maximum(found[..., is_slow], later.max(axis=3))
+    return found
 
 
 def low_passed(force_n: FloatArray, dt_s: float) -> FloatArray:

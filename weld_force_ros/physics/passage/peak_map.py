@@ -11,6 +11,7 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +60,7 @@ class PeakMapSolver:
         self._solver = solver
         self._remembered: dict[tuple[int, bytes], Batch] = {}
         self._remembering = threading.Lock()
+        self._pool = cache(executor)  # starting threads takes longer than a few passages
 
     def solve(
         self,
@@ -93,13 +95,12 @@ class PeakMapSolver:
         order = np.argsort(speeds_kmh)  # neighbours are simulated together, as they take as long
         cutoffs_hz = CUTOFFS_HZ if low_passed else ()
         results = np.empty((*shape, _UNFILTERED + len(cutoffs_hz)))
-        with executor(threads) as pool:
-            for first in range(0, len(order), _SPEEDS_AT_ONCE):
-                rows = order[first : first + _SPEEDS_AT_ONCE]
-                results[rows] = self._solve_speeds(
-                    wheel_paths, speeds_kmh[rows], positions, chosen[rows], cutoffs_hz, tolerance, on_speed, pool,
-                    threads,
-                )  # fmt: skip
+        for first in range(0, len(order), _SPEEDS_AT_ONCE):
+            rows = order[first : first + _SPEEDS_AT_ONCE]
+            results[rows] = self._solve_speeds(
+                wheel_paths, speeds_kmh[rows], positions, chosen[rows], cutoffs_hz, tolerance, on_speed,
+                self._pool(threads), threads,
+            )  # fmt: skip
         if not np.all(np.isfinite(results[chosen])):
             raise NumericalError("a passage did not stay finite; the fit of this track cannot be used at that speed")
         return [PeakMap.of(part) for part in np.split(results, len(wheel_paths), axis=1)]

@@ -41,7 +41,8 @@ class SimulatorNode(LifecycleNodeBase):
 
     Of several vehicles each has a force map and a history; if one cannot be computed, none is published but a
     Rejection. A history is that of the passage that decides the verdict on its map by the limits that the assessment
-    node published last; as long as none are known, that of the highest peak.
+    node published last, and curves answer what advice on speed by these limits asks; as long as none are known, that of
+    the highest peak, and curves of every km/h.
 
     Args:
         load: returns the simulator for given settings; called in the worker thread.
@@ -145,7 +146,7 @@ class SimulatorNode(LifecycleNodeBase):
     def _simulate(self, profile: WeldProfile, text: str) -> None:
         profile_id = identity(profile)
         try:
-            force_maps = simulate_vehicles(profile, self._simulators)
+            force_maps = simulate_vehicles(profile, self._simulators, self._limits)
             for force_map in force_maps:
                 force_map.profile_id = profile_id
                 self.topics.publish(force_map)
