@@ -49,7 +49,7 @@ class SolvedPassage:
         poles, solver = model.poles_rad_s, vehicle_track.solver
         shapes = np.sqrt(model.pair_weight) * model.shapes_at(solver.grid_m * np.arange(solver.grid))
         table = np.stack([shapes.real, shapes.imag], axis=2).reshape(solver.grid, -1)
-        pieces = np.ascontiguousarray(-wheel_path.spline.c)
+        pieces = np.ascontiguousarray(-wheel_path.cubics.coefficients)
         to_first = position_m + wheel_path.start_m - start.x_m
         self.state = self._physical(model, start.x_m, start.dt_s, start.rail, start.wheel)
         self.end_s = (max(start.last_m, until_m + _BEHIND_PEAK_M) - start.x_m) / speed

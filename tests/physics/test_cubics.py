@@ -18,7 +18,7 @@ def shapes(count: int) -> list[np.ndarray]:
     return [real[:, 0], real, real + 1j * RANDOM.standard_normal((count, 3)), np.round(real[:, 1])]
 
 
-@pytest.mark.parametrize("count", [4, 5, 40])
+@pytest.mark.parametrize("count", [2, 3, 4, 5, 40])
 @pytest.mark.parametrize("kind", range(4))
 def test_a_spline_is_that_of_scipy(count: int, kind: int):
     knots, samples = UNEVEN[:count], shapes(count)[kind]

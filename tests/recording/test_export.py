@@ -216,10 +216,15 @@ def run(capfd, *arguments: object) -> tuple[int, str, str]:
     return code, printed.out, printed.out + printed.err
 
 
+def unfolded(said: str) -> str:
+    """Return sentences without the line breaks that a long path has made."""
+    return " ".join(said.split())
+
+
 def test_recover_says_what_was_lost_and_says_the_same_again(tmp_path, capfd):
     directory = record(tmp_path / "run", numbered(50))
     code, _, said = run(capfd, "bag", "recover", directory)
-    assert (code, "50 messages recovered to" in said, "nothing lost" in said) == (0, True, True)
+    assert (code, "50 messages recovered to" in said, "nothing lost" in unfolded(said)) == (0, True, True)
     assert check_bag(tmp_path / "run-recovered") == {"/notes": 50}
 
     whole = (directory / "run_0.mcap").read_bytes()
@@ -227,8 +232,8 @@ def test_recover_says_what_was_lost_and_says_the_same_again(tmp_path, capfd):
     shutil.copy(DEMO / "bag_0.mcap", directory / "run_1.mcap")
     for words in ("recovered to", "already"):
         code, _, said = run(capfd, "bag", "recover", directory, tmp_path / "rescued")
-        assert (code, words in said, "run_0.mcap was not closed" in said) == (3, True, True)
-        assert "lost: 50 messages" in said
+        assert (code, words in said, "run_0.mcap was not closed" in unfolded(said)) == (3, True, True)
+        assert "lost: 50 messages" in unfolded(said)
     code, _, said = run(capfd, "bag", "recover", directory)
     assert (code, said.count("\n")) == (1, 1)
     assert "holds something else and is not overwritten" in said

@@ -49,10 +49,15 @@ def spline(knots: FloatArray, samples: Values) -> PiecewiseCubic:
     """Return the spline whose third derivative has no step at the second and the last but one knot ("not a knot").
 
     Args:
-        knots: (n,), increasing, at least four.
+        knots: (n,), increasing, at least two; through two goes a line, through three a parabola.
         samples: (n, ...).
     """
     width, slope = _widths_and_slopes(knots, samples)
+    if len(width) == 1:
+        return _through(knots, samples, np.repeat(slope, 2, axis=0))
+    if len(width) == 2:
+        middle = (width[1] * slope[0] + width[0] * slope[1]) / (width[0] + width[1])
+        return _through(knots, samples, np.stack([2 * slope[0] - middle, middle, 2 * slope[1] - middle]))
     column = _as_column(width, samples)
     bands = np.zeros((3, len(knots)))
     bands[0, 2:], bands[1, 1:-1], bands[2, :-2] = width[:-1], 2 * (width[:-1] + width[1:]), width[1:]
