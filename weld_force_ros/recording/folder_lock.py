@@ -24,7 +24,7 @@ _PROC = Path("/proc")
 
 
 class _Holder(NamedTuple):
-    """A process that holds a lock; `since` when it was started."""
+    """A process that holds a lock; `since` when it was started, `stopping` also while its parent is."""
 
     pid: int
     since: str
@@ -99,15 +99,22 @@ def _holder(directory: Path) -> _Holder | None:
         # number: kind, obligation, access, process, device:device:inode, range; a process that waits has `->` as kind.
         locks = [line.split() for line in (_PROC / "locks").read_text().splitlines()]
         pid = next(int(lock[4]) for lock in locks if lock[1] == "FLOCK" and lock[5].rpartition(":")[2] == inode)
-        comm = (_PROC / str(pid) / "comm").read_text().strip()
-        return _Holder(pid, _started(pid), comm == _STOPPING)
+        # Fields from the third on, counted after the name in parentheses, which may hold anything.
+        fields = (_PROC / str(pid) / "stat").read_text().rpartition(")")[2].split()
+        parent, ticks = int(fields[1]), int(fields[19])
+        return _Holder(pid, _time_of(ticks), _is_stopping(pid) or _is_stopping(parent))
     except (OSError, ValueError, IndexError, StopIteration):
         return None
 
 
-def _started(pid: int) -> str:
+def _is_stopping(pid: int) -> bool:
+    try:
+        return (_PROC / str(pid) / "comm").read_text().strip() == _STOPPING
+    except OSError:  # gone, or a parent outside a container
+        return False
+
+
+def _time_of(ticks: int) -> str:
     boot_s = next(float(line.split()[1]) for line in (_PROC / "stat").read_text().splitlines() if line[:5] == "btime")
-    # Field 22, counted after the name in parentheses, which may hold anything.
-    ticks = int((_PROC / str(pid) / "stat").read_text().rpartition(")")[2].split()[19])
     started = datetime.fromtimestamp(boot_s + ticks / os.sysconf("SC_CLK_TCK"), UTC)
     return started.strftime("%Y-%m-%d %H:%M:%S UTC")

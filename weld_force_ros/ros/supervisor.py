@@ -15,6 +15,7 @@ from typing import Any
 import yaml
 
 from weld_force_ros.errors import WeldForceError
+from weld_force_ros.recording.folder_lock import shown_as_stopping
 from weld_force_ros.ros import environment
 from weld_force_ros.ros.launcher import print_line, stop_signals
 from weld_force_ros.ros.node_suite import DRAIN_S, Kind, in_flow_order
@@ -172,10 +173,11 @@ def supervise(parameters: Mapping[Kind, Mapping[str, Any]], ros_args: Sequence[s
         InputError: the nodes cannot find each other.
         WeldForceError: a node cannot be started as it is configured.
     """
-    with stop_signals() as (stop, abandon):
+    with stop_signals() as (stop, abandon), ExitStack() as ending:
         supervisor = Supervisor(parameters, ros_args, abandon)
         with supervisor:
             while not stop.wait(_POLL_S):
                 supervisor.restart_dead()
+            ending.enter_context(shown_as_stopping())  # of its nodes that are not told yet, too
             print_line("shutting down, each node finishes its queue; a second signal stops at once")
     return supervisor.code
