@@ -24,6 +24,7 @@ from weld_force_ros.assessment.criteria import (
 from weld_force_ros.assessment.decision import Judged, answer, measure_next, model_deviation, overall, widened
 from weld_force_ros.assessment.limits import Levels, applies, check, decides, levels, within_limits
 from weld_force_ros.assessment.probability import influences, interval
+from weld_force_ros.assessment.speed_advice import in_prose_kmh
 from weld_force_ros.messages import (
     Answer,
     Criterion,
@@ -274,7 +275,8 @@ def _without_line_speed(force: Answer, limits: Sequence[Limit], relevant: Releva
     within = within_limits(speeds, worst.accumulated(), limits)
     if not within[0]:
         return force
-    holds = f"forces are within limits up to {speeds[int(np.argmin(within)) - 1]:g} km/h"
+    highest_kmh = in_prose_kmh(float(speeds[int(np.argmin(within)) - 1]), float(speeds[0]))
+    holds = f"forces are within limits up to {highest_kmh:g} km/h"
     doubt = f"the line's speed is not stated: {holds}"
     return replace(force, decision="undecided", reason=f"{doubt}; {force.reason}", doubts=[doubt, *force.doubts])
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from weld_force_ros._words import Words
 from weld_force_ros.assessment.grinding_spots import ends_in_words
 from weld_force_ros.assessment.limits import worst
+from weld_force_ros.assessment.speed_advice import in_prose_kmh
 from weld_force_ros.messages import Running, Verdict, known
 from weld_force_ros.recording.weld_records import WeldRecord
 from weld_force_ros.report.numbers import thinned
@@ -169,7 +170,8 @@ def _mark_speeds(panel: Panel, content: Content, verdict: Verdict, words: Words)
     line = (content.get("map") or {}).get("line_speed_kmh")
     permitted = known(verdict.permitted_speed_kmh)
     if permitted is not None and panel.x.low <= permitted < verdict.judged_speed_kmh:
-        panel.vertical(permitted, "permitted", words("figure.within_to", speed=number(permitted, 4)), row=1)
+        label = words("figure.within_to", speed=number(in_prose_kmh(permitted), 4))
+        panel.vertical(permitted, "permitted", label, row=1)
     if line is not None and panel.x.low <= line <= panel.x.high:
         panel.vertical(line, "line-speed", words("figure.line", speed=number(line, 4)))
 
