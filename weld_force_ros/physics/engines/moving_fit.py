@@ -11,6 +11,7 @@ Levenberg's damping). Residuals are relative errors of a force:
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +23,6 @@ from weld_force_ros.physics.engines.common_poles import BAND_HZ, PoleModel, fit_
 from weld_force_ros.physics.engines.greens_function import DEFLECTIONS, GreensFunctionModel, MovingReceptance
 from weld_force_ros.physics.engines.moving_poles import SPEED_M_S, MovingPoleModel, Symmetry
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
-from weld_force_ros.physics.passage.peak_map import PeakMap
 from weld_force_ros.physics.passage.state_space import StateModel
 from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
@@ -30,6 +30,8 @@ from weld_force_ros.physics.track import beam
 from weld_force_ros.physics.track.beam import Track
 
 SPEEDS_KMH = (100.0, 200.0, 300.0)
+BETWEEN_KMH = (250.0,)
+"""Where no fit is made: one that holds at `SPEEDS_KMH` may have a resonance of its own here."""
 DYNAMIC_SHARE = 0.2
 ORDERS = (16, 20)
 RESOLUTION = 0.005
@@ -109,38 +111,56 @@ def moving_fit(track: Track, wheel: Wheel, usual: PoleModel) -> tuple[PoleModel 
         usual: the fit to point receptances, which is taken where it is good enough.
 
     Returns:
-        The fit; its error: RMS of the difference of its peak forces from the reference's over the RMS of their dynamic
-        part, together with `RESOLUTION`.
+        The fit, one to moving receptances only if it is nearer at `BETWEEN_KMH`, too; its error: RMS of the difference
+        of its peak forces from the reference's over the RMS of their dynamic part, together with `RESOLUTION`.
 
     Raises:
         NumericalError: vector fitting did not end with finite poles.
     """
     exact = GreensFunctionModel(track, wheel, threads=1)
-    reference = exact.peak_maps(_trial_paths(wheel), SPEEDS_KMH, _trial_positions(track))
+    trial = _Trial(exact, SPEEDS_KMH)
     target: Target | None = None
-    fits: list[tuple[PoleModel | MovingPoleModel, float]] = [(usual, _off(usual, track, wheel, reference))]
+    fits: list[tuple[PoleModel | MovingPoleModel, float]] = [(usual, trial.off(usual))]
     for order in ORDERS:
         if fits[-1][1] <= _GOOD_ENOUGH:
             break
         target = target or Target.of(exact)
         model = refined(start(target, order), target)
-        fits.append((model, _off(model, track, wheel, reference)))
+        fits.append((model, trial.off(model)))
     best, off = min(fits, key=lambda fit: fit[1])
-    if off > _CLEARLY * fits[0][1]:
-        best, off = fits[0]
+    if best is not usual:
+        between = _Trial(exact, BETWEEN_KMH)
+        if off > _CLEARLY * fits[0][1] or between.off(best) > between.off(usual):
+            best, off = fits[0]
     return best, float(np.hypot(off, RESOLUTION))
 
 
-def _off(model: StateModel, track: Track, wheel: Wheel, reference: list[PeakMap]) -> float:
-    """Return how far peak forces are off, relative to their dynamic part; infinite where none can be had."""
-    fast = VehicleTrackModel(model, wheel, threads=1)
-    try:
-        found = [fast.peak_map(path, SPEEDS_KMH, _trial_positions(track)) for path in _trial_paths(wheel)]
-    except NumericalError:
-        return float("inf")
-    exact_n = np.stack([one.peak_force_n for one in reference])
-    off_n = np.stack([one.peak_force_n for one in found]) - exact_n
-    return float(np.linalg.norm(off_n) / np.linalg.norm(exact_n - wheel.static_load_n))
+@dataclass(frozen=True)
+class _Trial:
+    """Passages at some speeds, by which fits are compared with the reference."""
+
+    exact: GreensFunctionModel
+    speeds_kmh: tuple[float, ...]
+
+    def off(self, model: StateModel) -> float:
+        """Return how far peak forces are off, relative to their dynamic part; infinite where none can be had."""
+        wheel = self.exact.wheel
+        fast = VehicleTrackModel(model, wheel, threads=1)
+        try:
+            found = [fast.peak_map(path, self.speeds_kmh, self._positions_m) for path in _trial_paths(wheel)]
+        except NumericalError:
+            return float("inf")
+        off_n = np.stack([one.peak_force_n for one in found]) - self._peaks_n
+        return float(np.linalg.norm(off_n) / np.linalg.norm(self._peaks_n - wheel.static_load_n))
+
+    @cached_property
+    def _peaks_n(self) -> FloatArray:
+        maps = self.exact.peak_maps(_trial_paths(self.exact.wheel), self.speeds_kmh, self._positions_m)
+        return np.stack([one.peak_force_n for one in maps])
+
+    @property
+    def _positions_m(self) -> FloatArray:
+        return _trial_positions(self.exact.track)
 
 
 def _trial_paths(wheel: Wheel) -> list[WheelPath]:
