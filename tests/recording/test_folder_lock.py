@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from weld_force_ros.errors import BagError
+from weld_force_ros.recording import folder_lock
 from weld_force_ros.recording.folder_lock import lock_folder
 
 NODE = """
@@ -52,3 +53,24 @@ def test_a_node_whose_supervisor_is_stopping_is_waited_for(tmp_path: Path) -> No
         os.close(lock_folder(tmp_path, say))
     (line,) = said
     assert "which is stopping" in line
+
+
+def test_a_process_that_lets_go_as_it_is_looked_for_is_no_hindrance(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held = [lock_folder(tmp_path, print)]
+
+    def let_go(_: Path) -> None:
+        os.close(held.pop())
+
+    monkeypatch.setattr(folder_lock, "_holder", let_go)
+    os.close(lock_folder(tmp_path, print))
+
+
+def test_a_holder_that_cannot_be_named_is_not_waited_for_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    held = lock_folder(tmp_path, print)
+    monkeypatch.setattr(folder_lock, "_holder", lambda _: None)
+    monkeypatch.setattr(folder_lock, "_POLL_S", 0.0)
+    with pytest.raises(BagError, match="is being recorded to already"):
+        lock_folder(tmp_path, print)
+    os.close(held)

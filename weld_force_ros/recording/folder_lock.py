@@ -20,6 +20,8 @@ LONGEST_WAIT_S = 60.0
 
 _STOPPING = "weld-stopping"  # up to 15 characters
 _POLL_S = 0.1
+_UNTOLD = 10
+"""How often in turn a folder may be held without a holder that can be named."""
 _PROC = Path("/proc")
 
 
@@ -66,16 +68,17 @@ def lock_folder(directory: Path, say: Callable[[str], None]) -> int:
         directory.mkdir(parents=True, exist_ok=True)
         sync_folder(directory.resolve().parent)
     handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
-    deadline_s, said = time.monotonic() + LONGEST_WAIT_S, False
+    deadline_s, said, untold = time.monotonic() + LONGEST_WAIT_S, False, 0
     while True:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             holder = _holder(directory)
-            if holder is None or not holder.stopping or time.monotonic() > deadline_s:
+            untold = untold + 1 if holder is None else 0  # it may have let go since
+            if untold > _UNTOLD or (holder and not holder.stopping) or time.monotonic() > deadline_s:
                 os.close(handle)
                 raise _held(directory, holder) from None
-            if not said:
+            if holder and not said:
                 say(f"{directory}: waiting for process {holder.pid}, which is stopping")
                 said = True
             time.sleep(_POLL_S)
