@@ -10,7 +10,7 @@ from weld_force_ros.errors import InputError
 from weld_force_ros.measurement.shapes import cosine_dip
 from weld_force_ros.physics.passage import _scalar_passage, batch, steady_state
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
-from weld_force_ros.physics.passage.peak_map import TOLERANCE
+from weld_force_ros.physics.passage.peak_map import TOLERANCE, _finer
 from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
 from weld_force_ros.simulation import fit_store, track_file
 
@@ -138,3 +138,9 @@ def test_sampled_is_the_spline_inside_and_zero_outside(first_m, step_m, heights)
     clear = np.abs(at[:, None] - knots[[0, -1]]).min(axis=1) > 1e-9
     expected = np.where((at > knots[0]) & (at < knots[-1]), spline(at), 0.0)
     np.testing.assert_allclose(rows[0, clear], expected[clear], atol=1e-9)
+
+
+def test_results_that_are_not_finite_ask_for_no_finer_steps_and_warn_of_nothing():
+    """Whoever asked for the map refuses them."""
+    results = np.array([[np.inf] * 6, [np.nan] * 6])
+    assert _finer(4, results, TOLERANCE).tolist() == [0, 0]

@@ -151,7 +151,8 @@ class PeakMapSolver:
 
 def _finer(stride: int, results: FloatArray, tolerance: float) -> NDArray[np.int64]:
     """Return the stride that results (..., 6) need, as the error goes with its square; 0 where they are good enough."""
-    excess = _ESTIMATE * results[..., 4] / (tolerance * results[..., 0])
+    with np.errstate(invalid="ignore"):  # what did not stay finite is refused in the end
+        excess = _ESTIMATE * results[..., 4] / (tolerance * results[..., 0])
     good = ~(excess > 1) | (stride == 1)
     halvings = np.ceil(0.5 * np.log2(np.where(good, 1.0, excess)))
     return np.where(good, 0, np.maximum(1, stride // 2**halvings)).astype(np.int64)
