@@ -7,8 +7,6 @@ give. Weights 1 / (|h| f^n) do so, more with every n: which n the paper's second
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.report.figures import GREY, new_figure
 from weld_force_ros.studies import passage_curves
@@ -51,8 +49,7 @@ def weight_effects(context: StudyContext) -> list[WeightEffect]:
         for dip in PAPERS_KMH:
             peak_map = fast.peak_map(context.wheel_path(dip, CONTINUOUS), speeds, [0.0])
             maximum, _ = passage_curves.first_maximum(passage_curves.features(speeds, peak_map.peak_force_n[:, 0]))
-            first, second, *_ = [*passage_curves.kinks_kmh(speeds, peak_map), np.nan, np.nan]
-            found[dip] = (float(maximum), float(first), float(second))
+            found[dip] = (float(maximum), *passage_curves.first_kinks_kmh(speeds, peak_map))
         effects.append(WeightEffect(exponent, relative_difference(model, definition.track), found))
     return effects
 

@@ -85,19 +85,16 @@ def _claim_quantities(
     )
     soft_kmh, soft_n = _first_maximum(speeds, soft_dip)
     stiff_kmh, stiff_n = _first_maximum(speeds, stiff_dip)
+    soft_kink_kmh, stiff_kink_kmh = (passage_curves.first_kinks_kmh(speeds, maps[0])[0] for maps in (soft, stiff))
     return {
         "hertz.change_of_static": (stiff_n - soft_n) / static_n,
         "hertz.change_of_static_rise": float(np.mean((stiff_rise - soft_rise)[shown]) / static_n),
         "hertz.shape_correlation": float(np.corrcoef(soft_dip[shown], stiff_dip[shown])[0, 1]),
         "hertz.shape_correlation_rise": float(np.corrcoef(soft_rise[shown], stiff_rise[shown])[0, 1]),
         "hertz.first_maximum_shift_kmh": stiff_kmh - soft_kmh,
-        "hertz.first_kink_shift_kmh": _first_kink(speeds, stiff[0]) - _first_kink(speeds, soft[0]),
+        "hertz.first_kink_shift_kmh": stiff_kink_kmh - soft_kink_kmh,
     }
 
 
 def _first_maximum(speeds: FloatArray, force: FloatArray) -> tuple[float, float]:
     return passage_curves.first_maximum(passage_curves.features(speeds, force))
-
-
-def _first_kink(speeds: FloatArray, peak_map: PeakMap) -> float:
-    return [*passage_curves.kinks_kmh(speeds, peak_map), float("nan")][0]

@@ -112,7 +112,7 @@ def _splitting(weld: Variant, histories: list[History]) -> Picture:
 
 def _claim_quantities(context: StudyContext, speeds: FloatArray, peak_maps: list[PeakMap]) -> Quantities:
     features = [_features(speeds, peak_map) for peak_map in peak_maps]
-    kinks = [[*passage_curves.kinks_kmh(speeds, peak_map), np.nan, np.nan] for peak_map in peak_maps]
+    kinks = [passage_curves.first_kinks_kmh(speeds, peak_map) for peak_map in peak_maps]
     maxima_kmh = [passage_curves.first_maximum(feature)[0] for feature in features]
     minima = [passage_curves.minimum_after_maximum(feature) for feature in features]
     short, long = (peak_map.peak_force_n[:, 0] for peak_map in peak_maps)
@@ -122,10 +122,10 @@ def _claim_quantities(context: StudyContext, speeds: FloatArray, peak_maps: list
         "length.fall_after_maximum_n": [minimum.depth_n if minimum else np.nan for minimum in minima],
         "length.shape_correlation": float(np.corrcoef(np.interp(_SHAPE_KMH, speeds, short), stretched)[0, 1]),
     }
-    for length_mm, maximum_kmh, (first_kmh, second_kmh, *_) in zip(_LENGTHS_MM, maxima_kmh, kinks, strict=True):
+    for length_mm, maximum_kmh, (first_kmh, second_kmh) in zip(_LENGTHS_MM, maxima_kmh, kinks, strict=True):
         measured[f"length.first_maximum_{length_mm}mm_kmh"] = float(maximum_kmh)
-        measured[f"length.first_kink_{length_mm}mm_kmh"] = float(first_kmh)
-        measured[f"length.second_kink_{length_mm}mm_kmh"] = float(second_kmh)
+        measured[f"length.first_kink_{length_mm}mm_kmh"] = first_kmh
+        measured[f"length.second_kink_{length_mm}mm_kmh"] = second_kmh
     return measured | _peaks_at_the_kink(context, passage_records.peak_location_at(speeds, peak_maps[0], maxima_kmh[0]))
 
 

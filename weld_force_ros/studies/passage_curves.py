@@ -31,6 +31,12 @@ def kinks_kmh(speeds_kmh: FloatArray, peak_map: PeakMap) -> list[float]:
     return kinks(speeds_kmh, peak_map.peak_force_n[:, 0], peak_map.peak_x_m[:, 0])
 
 
+def first_kinks_kmh(speeds_kmh: FloatArray, peak_map: PeakMap) -> tuple[float, float]:
+    """Return the speeds of the first two kinks; NaN where there is none."""
+    first, second, *_ = [*kinks_kmh(speeds_kmh, peak_map), np.nan, np.nan]
+    return float(first), float(second)
+
+
 def minimum_after_maximum(curve: CurveFeatures) -> Hollow | None:
     """Return the first local minimum whose fall begins no earlier than at the first local maximum."""
     speed_kmh = first_maximum(curve)[0]
