@@ -15,8 +15,6 @@ from weld_force_ros.errors import InputError
 if TYPE_CHECKING:
     from weld_force_ros.messages import Limit
 
-_SHOWN_AS = {"m": (1e3, "mm"), "N": (1e-3, "kN"), "s": (1e3, "ms"), "rad": (1e3, "mrad"), "1": (1.0, "")}
-
 app = typer.Typer(no_args_is_help=True, help="Rule books: list them, check a file, write one to fill in.")
 
 
@@ -94,9 +92,11 @@ def _row(limit: "Limit") -> Sequence[str]:
 
 
 def _number(limit: "Limit", value: float) -> str:
+    from weld_force_ros.report.quantities import UNITS
+
     if limit.form == "times_static":
         return f"{value:g} × static load"
-    factor, unit = _SHOWN_AS.get(limit.unit, (1.0, limit.unit))
+    factor, unit = UNITS.get(limit.unit, (1.0, limit.unit))
     number = f"{value * factor:g} {unit}"
     return number.rstrip() + (" + static load" if limit.form == "plus_static" else "")
 
