@@ -69,12 +69,11 @@ class SpeedQuestions:
         clear = ~within_limits(speeds_kmh, mild, self._limits)
         for band in runs(~within_limits(speeds_kmh, worst.mildest, self._limits)):
             for limit in self._limits if not clear[band].any() else ():
-                may_be = ~within_limits(speeds_kmh[band], severe.at(band), [limit])
-                if may_be.any():
-                    column = severe.columns[FORCE_CRITERIA[limit.name].column][band]
-                    worse = -column if limit.name == "unloading" else column
-                    farthest = band.start + int(np.where(may_be, worse, -np.inf).argmax())
-                    yield FORCE_CRITERIA[limit.name].column, np.array([farthest])
+                criterion, at_band = FORCE_CRITERIA[limit.name], severe.at(band)
+                may_be, values = ~within_limits(speeds_kmh[band], at_band, [limit]), criterion.value(at_band)
+                if values is not None and may_be.any():
+                    farthest = band.start + int(np.where(may_be, values, -np.inf).argmax())
+                    yield criterion.column, np.array([farthest])
 
 
 def _extremes(low: FloatArray, high: FloatArray) -> list[int]:

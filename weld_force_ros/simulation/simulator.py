@@ -279,11 +279,11 @@ class Simulator:
 
         estimated: list[bool] | UnsetType = UNSET
         limits_sha256: str | UnsetType = UNSET
-        if asks is None or not len(between):
-            parts = [nominal]
-            if len(between):
-                selected = possibly_worst(nominal, map_kmh, between)
-                parts.append(simulate(selected).only(selected))
+        if not len(between):
+            passages = nominal
+        elif asks is None:
+            selected = possibly_worst(nominal, map_kmh, between)
+            parts = [nominal, simulate(selected).only(selected)]
             passages = Passages.concatenated(parts).at(np.argsort(np.concatenate([map_kmh, between])))
         else:
             questions, bounds = asks(force_map), CurveBounds(nominal, map_kmh, speeds)
