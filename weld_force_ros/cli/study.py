@@ -177,8 +177,10 @@ def study_infer(
     weld: Annotated[int | None, typer.Option(min=1, max=5, help="One of the paper's welds; all, if not given.")] = None,
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Searches for each weld.")] = 4,
     also: Annotated[
-        Literal["motion", "increment", "spectrum"] | None,
-        typer.Option(help="Of weld 1: give the search this study's claims, too, to see whether any shape meets them."),
+        Literal["motion", "increment", "spectrum", "all"] | None,
+        typer.Option(
+            help="Give the search held-out claims, too, to see whether any shape meets them: a study of weld 1, or all."
+        ),
     ] = None,
     json: Json = None,
 ) -> None:

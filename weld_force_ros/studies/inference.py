@@ -2,7 +2,7 @@
 
 The cost of a shape is summed over the fitted claims (`role` in `data/claims.yaml`), each the mean of its criteria: 0 if
 a criterion holds, else between a half and one, the more the further its quantity is from holding. The claims that are
-held out are not looked at before a search has ended.
+held out are not looked at before a search has ended. Wavelengths that the text gives a weld count as one claim more.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,14 +22,15 @@ from weld_force_ros.studies.shape_prior import Prior, Term
 from weld_force_ros.studies.study_context import Profile, Quantities, StudyContext
 from weld_force_ros.studies.weld_map import weld_maps
 
-GENERATIONS = 40
+GENERATIONS = 60
 _MEMBERS_PER_PARAMETER = 4
-StudyOfWeld1: TypeAlias = Literal["motion", "increment", "spectrum"]
-_OF_WELD_1: dict[StudyOfWeld1, Callable[[StudyContext, Profile], Quantities]] = {
+Also: TypeAlias = Literal["motion", "increment", "spectrum", "all"]
+_OF_WELD_1: dict[Also, Callable[[StudyContext, Profile], Quantities]] = {
     "motion": motion_study.quantities_over_weld_1,
     "increment": increment_study.quantities_over_weld_1,
     "spectrum": spectrum_study.quantities_over_weld_1,
 }
+_WAVELENGTH_TOLERANCE = 0.1
 _NO_SCALE_N = 10e3  # a tenth of the static load: how far a force is from the sign that it should have
 
 
@@ -50,7 +51,7 @@ class Solution(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     cost: float
     terms: list[Term]
     prior_sha256: str
-    also: StudyOfWeld1 | None = None
+    also: Also | None = None
 
     @property
     def profile(self) -> Profile:
@@ -66,14 +67,14 @@ class Inference:
         weld: `weld-1` to `weld-5`.
         prior: of its shape.
         context: the paper's track and wheel.
-        also: a study of weld 1 whose claims the search is given, too, though they are held out: to see whether any
-            shape meets them.
+        also: a study of weld 1 whose claims the search is given, too, though they are held out, or `all` such claims
+            of any weld: to see whether any shape meets them.
     """
 
     weld: str
     prior: Prior
     context: StudyContext
-    also: StudyOfWeld1 | None = None
+    also: Also | None = None
 
     @property
     def number(self) -> int:
@@ -83,16 +84,17 @@ class Inference:
     @cached_property
     def given(self) -> list[Claim]:
         """Return the claims that a search is given: the fitted ones, and those of the study `also`."""
-        return [c for c in claims.load() if c.role == "fitted" or (c.role and c.study == self.also)]
+        return [c for c in claims.load() if c.role == "fitted" or (c.role and self.also in (c.study, "all"))]
 
     def cost(self, parameters: FloatArray) -> float:
         """Return how far a shape is from meeting the claims given; more than any such, if a wheel touches it twice."""
         profile = shape_prior.profile_of(shape_prior.terms_of(parameters))
         excess = shape_prior.curvature_share(profile) - shape_prior.MOST_CURVATURE
         if excess > 0:
-            return len(self.given) + excess
+            return len(self.given) + 1 + excess
         measured = self.quantities(profile)
-        return sum(cost_of(claim, measured) or 0.0 for claim in self.given)
+        of_claims = sum(cost_of(claim, measured) or 0.0 for claim in self.given)
+        return of_claims + wavelength_cost(self.prior.wavelengths_m, profile)
 
     def quantities(self, profile: Profile) -> Quantities:
         """Return what the claims given ask for of this weld, as the studies measure it."""
@@ -101,8 +103,9 @@ class Inference:
             measured = of_weld(self.number, weld_map)
             if self.number == 1:
                 measured |= curve_study.quantities_over(self.context, profile)
-                if self.also:
-                    measured |= _OF_WELD_1[self.also](self.context, profile)
+                for study, quantities_of in _OF_WELD_1.items():
+                    if self.also in (study, "all"):
+                        measured |= quantities_of(self.context, profile)
             if self.number == 5:
                 measured |= motion_study.quantities_over_weld_5(self.context, profile)
         return measured
@@ -136,6 +139,16 @@ class Inference:
         )
 
 
+def wavelength_cost(wavelengths_m: Sequence[float], profile: Profile) -> float:
+    """Return the mean cost of the wavelengths that a weld must have: 0 if its spectrum has a clear peak near each."""
+    if not wavelengths_m:
+        return 0.0
+    found_m = shape_prior.wavelengths_of(profile)
+    half_width = _WAVELENGTH_TOLERANCE
+    off = [float(np.abs(found_m / wanted - 1).min(initial=np.inf)) / half_width - 1 for wanted in wavelengths_m]
+    return float(np.mean([0.5 + 0.5 * _saturated(distance) if distance > 0 else 0.0 for distance in off]))
+
+
 def cost_of(claim: Claim, measured: Quantities) -> float | None:
     """Return the mean cost of a claim's criteria as far as their quantities were measured, None if none was."""
     costs = [_cost(c, measured[c.key]) for c in claim.criteria if c.key in measured]
@@ -152,7 +165,7 @@ def _cost(condition: Condition, value: Quantity) -> float:
 
 
 def _saturated(distance: float) -> float:
-    return 1.0 if np.isnan(distance) else distance / (1.0 + distance)
+    return distance / (1.0 + distance) if np.isfinite(distance) else 1.0
 
 
 def _distance(condition: Condition, value: float | bool | str) -> float:
@@ -175,6 +188,18 @@ def held(measured: Quantities) -> dict[str, bool]:
     return {name: cost == 0 for name, cost in costs.items() if cost is not None}
 
 
+def nearest(solutions: Sequence[Solution]) -> list[Solution]:
+    """Return the solutions of least cost."""
+    least = min(round(one.cost, 6) for one in solutions)
+    return [one for one in solutions if round(one.cost, 6) == least]
+
+
 def chosen(solutions: Sequence[Solution]) -> Solution:
-    """Return the solution that is shipped: least cost, of equals the gentlest."""
-    return min(solutions, key=lambda one: (round(one.cost, 6), shape_prior.rms_gradient(one.profile)))
+    """Return the solution that is shipped: of those with the least cost the most typical.
+
+    That is the one whose heights differ least from those of the others, RMS, on average (their medoid).
+    """
+    equals = nearest(solutions)
+    profiles = [one.profile for one in equals]
+    apart_m = [float(np.mean([shape_prior.rms_difference(p, q) for q in profiles])) for p in profiles]
+    return equals[int(np.argmin(apart_m))]

@@ -1,7 +1,7 @@
 """Study `infer`: several shapes of each of the paper's welds, searched for with its text, and the one that ships."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ from weld_force_ros.report.figures import new_figure
 from weld_force_ros.studies import StartProgress, shape_prior
 from weld_force_ros.studies.claims import Role
 from weld_force_ros.studies.figure_style import COLOURS
-from weld_force_ros.studies.inference import GENERATIONS, Inference, Solution, StudyOfWeld1, chosen, held
+from weld_force_ros.studies.inference import GENERATIONS, Also, Inference, Solution, chosen, held
 from weld_force_ros.studies.result_table import Cell, Column, Table
 from weld_force_ros.studies.shape_prior import Prior
 from weld_force_ros.studies.study_context import Picture, StudyContext, StudyResult
@@ -55,11 +55,12 @@ def run(
     seeds: int,
     folder: Path,
     start_progress: StartProgress,
-    also: StudyOfWeld1 | None = None,
+    also: Also | None = None,
 ) -> StudyResult:
     """Search with seeds 1 to `seeds`, for one weld or all, and write each shape into a folder, which exists.
 
-    A search whose result is in the folder is not run again, unless the prior has changed since.
+    Searches begin without free terms and take one more until one meets all that it is given. A search whose result is
+    in the folder is not run again, unless the prior has changed since.
 
     Raises:
         InputError: no weld of that name, or none that `also` is a study of, or a file that cannot be read or written.
@@ -67,12 +68,13 @@ def run(
     priors = shape_prior.load()
     if weld is not None and weld not in priors:
         raise InputError(f"{weld}: not a weld of the paper", f"name one of {', '.join(priors)}")
-    if also and weld != "weld-1":
+    if also not in (None, "all") and weld != "weld-1":
         raise InputError(f"the study {also} has claims on weld 1 alone", "add --weld 1")
     found: dict[str, list[Found]] = {}
     for name in priors if weld is None else [weld]:
-        inference = Inference(name, priors[name], context, also)
-        solutions = [_solution(inference, seed, folder, start_progress) for seed in range(1, seeds + 1)]
+        inference, solutions = _with_fewest_terms(
+            Inference(name, priors[name], context, also), seeds, folder, start_progress
+        )
         found[name] = [_counted(inference, solution) for solution in solutions]
         for solution in solutions:
             _write_profile(folder / f"{_stem(inference)}-seed-{solution.seed}.csv", solution, priors[name])
@@ -88,8 +90,22 @@ def _stem(inference: Inference) -> str:
     return f"{inference.weld}-also-{inference.also}" if inference.also else inference.weld
 
 
+def _with_fewest_terms(
+    inference: Inference, seeds: int, folder: Path, start_progress: StartProgress
+) -> tuple[Inference, list[Solution]]:
+    """Return the searches with the fewest free terms of which one met all that it was given, or else got nearest."""
+    found: list[tuple[Inference, list[Solution]]] = []
+    for count in range(inference.prior.free_terms + 1):
+        simpler = replace(inference, prior=inference.prior.with_free_terms(count))
+        found.append((simpler, [_solution(simpler, seed, folder, start_progress) for seed in range(1, seeds + 1)]))
+        if any(solution.cost == 0 for solution in found[-1][1]):
+            return found[-1]
+    return min(found, key=lambda one: min(round(solution.cost, 6) for solution in one[1]))
+
+
 def _solution(inference: Inference, seed: int, folder: Path, start_progress: StartProgress) -> Solution:
-    path = folder / f"{_stem(inference)}-seed-{seed}.json"
+    free = inference.prior.free_terms
+    path = folder / f"{_stem(inference)}-free-{free}-seed-{seed}.json"
     if path.exists():
         with os_errors_as(InputError, path, "name a readable folder with --out"):
             data = path.read_bytes()
@@ -99,7 +115,7 @@ def _solution(inference: Inference, seed: int, folder: Path, start_progress: Sta
             raise InputError(f"{path}: not the result of a search", "remove it, and search again") from None
         if stored.prior_sha256 == inference.prior.sha256:
             return stored
-    solution = inference.search(seed, start_progress(f"{inference.weld}, seed {seed}", GENERATIONS))
+    solution = inference.search(seed, start_progress(f"{inference.weld}, {free} free terms, seed {seed}", GENERATIONS))
     with os_errors_as(InputError, path, _WRITABLE), whole_file(path) as stream:
         stream.write(msgspec.json.format(msgspec.json.encode(solution), indent=2) + b"\n")
     return solution

@@ -12,12 +12,19 @@ from msgspec import Meta
 
 from weld_force_ros import _yaml
 from weld_force_ros.errors import InputError
+from weld_force_ros.physics.analysis.spectra import amplitude_spectrum, spectral_peaks
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.studies.study_context import Profile
 
 WHEEL_RADIUS_M = 0.45
 MOST_CURVATURE = 0.85  # of the wheel's own
 _HALF_LENGTH_M, _STEP_M, _TAPER_M = 0.5, 0.002, 0.15
+
+_FREE = "free"
+_MARGIN_M = 6.0  # of level rail on either side, as in the study of spectra
+_CLEAR = 0.01  # of the largest amplitude: how far a spectral peak stands out, as in the study of spectra
+_STRONG = 0.1  # of the largest amplitude
+_ANY_KMH = 100.0  # wavelengths do not depend on the speed
 
 _Range = tuple[float, float]
 _Words = Annotated[str, Meta(min_length=1, max_length=1000)]
@@ -45,10 +52,22 @@ class TermRange(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Prior(msgspec.Struct, frozen=True, dict=True, forbid_unknown_fields=True):
-    """The words that describe a weld's geometry, and the ranges of its terms."""
+    """The words that describe a weld's geometry, the ranges of its terms, and the wavelengths, m, that it must have."""
 
     words: _Words
     terms: Annotated[list[TermRange], Meta(min_length=1, max_length=10)]
+    wavelengths_m: list[Annotated[float, Meta(gt=0)]] = []
+
+    @property
+    def free_terms(self) -> int:
+        """Return how many terms no word stands for."""
+        return sum(term.what == _FREE for term in self.terms)
+
+    def with_free_terms(self, count: int) -> "Prior":
+        """Return the prior with the first `count` of its free terms only."""
+        named = [term for term in self.terms if term.what != _FREE]
+        free = [term for term in self.terms if term.what == _FREE]
+        return msgspec.structs.replace(self, terms=[*named, *free[:count]])
 
     @cached_property
     def bounds(self) -> list[_Range]:
@@ -112,6 +131,22 @@ def curvature_share(profile: Profile) -> float:
     x_m, z_m = profile
     step = float(x_m[1] - x_m[0])
     return float(np.max(np.diff(z_m, 2)) / step**2 * WHEEL_RADIUS_M)
+
+
+def wavelengths_of(profile: Profile) -> FloatArray:
+    """Return the wavelengths, m, of the strong components of a profile: clear peaks of its spectrum, longest first."""
+    x_m, z_m = profile
+    step_m = float(x_m[1] - x_m[0])
+    samples = round(_MARGIN_M / step_m)
+    padded_m = np.pad(z_m, samples)
+    spectrum = amplitude_spectrum(step_m * np.arange(len(padded_m)), padded_m, _ANY_KMH)
+    least_m = _STRONG * spectrum.amplitude.max()
+    return np.array([p.wavelength_m for p in spectral_peaks(spectrum, _CLEAR) if p.amplitude >= least_m])
+
+
+def rms_difference(one: Profile, other: Profile) -> float:
+    """Return the RMS difference, m, of the heights of two profiles at the same positions."""
+    return float(np.sqrt(np.mean((one[1] - other[1]) ** 2)))
 
 
 def rms_gradient(profile: Profile) -> float:
