@@ -157,7 +157,7 @@ def profile_text(solution: Solution, prior: Prior) -> str:
 
 def _solution_table(found: dict[str, list[Found]]) -> Table:
     columns = (
-        Column("weld", "weld"), Column("seed", "seed", 0), Column("cost", "cost", 3),
+        Column("weld", "weld"), Column("terms", "terms", 0), Column("seed", "seed", 0), Column("cost", "cost", 3),
         Column("fitted_met", "fitted met", 0), Column("fitted", "of", 0), Column("held_out_met", "held out met", 0),
         Column("held_out", "of", 0), Column("dip_m"), Column("protrusion_m"),
         Column("rms_gradient_mrad", "RMS gradient, mrad", 2), Column("shipped", "shipped"),
@@ -169,7 +169,7 @@ def _solution_table(found: dict[str, list[Found]]) -> Table:
             profile = one.solution.profile
             geometry = classify(*profile)
             rows.append((
-                name, float(one.solution.seed), one.solution.cost,
+                name, float(len(one.solution.terms)), float(one.solution.seed), one.solution.cost,
                 *map(float, one.counted("fitted")), *map(float, one.counted("held-out")),
                 geometry.dip_m, geometry.protrusion_m, 1e3 * shape_prior.rms_gradient(profile),
                 one.solution is shipped,

@@ -12,7 +12,7 @@ from msgspec import Meta
 
 from weld_force_ros import _yaml
 from weld_force_ros.errors import InputError
-from weld_force_ros.physics.analysis.spectra import amplitude_spectrum, spectral_peaks
+from weld_force_ros.physics.analysis.spectra import Spectrum, spectral_peaks
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.studies.study_context import Profile
 
@@ -21,10 +21,9 @@ MOST_CURVATURE = 0.85  # of the wheel's own
 _HALF_LENGTH_M, _STEP_M, _TAPER_M = 0.5, 0.002, 0.15
 
 _FREE = "free"
-_MARGIN_M = 6.0  # of level rail on either side, as in the study of spectra
+_SPECTRUM_SAMPLES = 2**14  # with level rail beside the weld, 33 m in all
 _CLEAR = 0.01  # of the largest amplitude: how far a spectral peak stands out, as in the study of spectra
 _STRONG = 0.1  # of the largest amplitude
-_ANY_KMH = 100.0  # wavelengths do not depend on the speed
 
 _Range = tuple[float, float]
 _Words = Annotated[str, Meta(min_length=1, max_length=1000)]
@@ -136,11 +135,10 @@ def curvature_share(profile: Profile) -> float:
 def wavelengths_of(profile: Profile) -> FloatArray:
     """Return the wavelengths, m, of the strong components of a profile: clear peaks of its spectrum, longest first."""
     x_m, z_m = profile
-    step_m = float(x_m[1] - x_m[0])
-    samples = round(_MARGIN_M / step_m)
-    padded_m = np.pad(z_m, samples)
-    spectrum = amplitude_spectrum(step_m * np.arange(len(padded_m)), padded_m, _ANY_KMH)
-    least_m = _STRONG * spectrum.amplitude.max()
+    frequency_per_m = np.fft.rfftfreq(_SPECTRUM_SAMPLES, float(x_m[1] - x_m[0]))[1:]
+    amplitude_m = 2 / len(z_m) * np.abs(np.fft.rfft(z_m, _SPECTRUM_SAMPLES))[1:]
+    spectrum = Spectrum(frequency_per_m, 1 / frequency_per_m, amplitude_m)  # at 1 m/s
+    least_m = _STRONG * amplitude_m.max()
     return np.array([p.wavelength_m for p in spectral_peaks(spectrum, _CLEAR) if p.amplitude >= least_m])
 
 
