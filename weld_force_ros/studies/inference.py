@@ -15,7 +15,15 @@ import numpy as np
 from scipy.optimize import OptimizeResult, differential_evolution
 
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.studies import claims, curve_study, increment_study, motion_study, shape_prior, spectrum_study
+from weld_force_ros.studies import (
+    captions,
+    claims,
+    curve_study,
+    increment_study,
+    motion_study,
+    shape_prior,
+    spectrum_study,
+)
 from weld_force_ros.studies.claims import Claim, Condition, Quantity
 from weld_force_ros.studies.map_quantities import of_weld
 from weld_force_ros.studies.shape_prior import Prior, Term
@@ -87,8 +95,14 @@ class Inference:
         return [c for c in claims.load() if c.role == "fitted" or (c.role and self.also in (c.study, "all"))]
 
     def cost(self, parameters: FloatArray) -> float:
-        """Return how far a shape is from meeting the claims given; more than any such, if a wheel touches it twice."""
+        """Return how far a shape is from meeting the claims given.
+
+        It is more than any such, if the shape contradicts the words on it, or if a wheel touches it twice.
+        """
         profile = shape_prior.profile_of(shape_prior.terms_of(parameters))
+        contradictions = captions.contradictions(self.weld, profile)
+        if contradictions:
+            return len(self.given) + 2 + contradictions
         excess = shape_prior.curvature_share(profile) - shape_prior.MOST_CURVATURE
         if excess > 0:
             return len(self.given) + 1 + excess
