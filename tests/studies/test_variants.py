@@ -122,7 +122,8 @@ def test_receptances_differ_most_near_pinned_pinned():
     (beam_rail, safe) = position_ratio.position_ratios(StudyContext(coarse=True))
     for one in (beam_rail, safe):
         assert abs(one.frequency_hz[np.argmax(one.ratio)] / one.pinned_pinned_hz - 1) < 0.1
-    assert safe.ratio == pytest.approx(beam_rail.ratio, rel=0.25)
+    low = beam_rail.frequency_hz < 900
+    assert safe.ratio[low] == pytest.approx(beam_rail.ratio[low], rel=0.05)
     table = position_ratio.table([beam_rail, safe])
     assert {len(row) for row in table.rows} == {len(table.columns)}
 

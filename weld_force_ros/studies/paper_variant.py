@@ -26,7 +26,7 @@ from weld_force_ros.studies.study_context import BILBAO, CONTINUOUS, StudyContex
 DEGREE = 8
 FIT_BAND_HZ = (10.0, 1500.0)
 ALIKE_BAND_HZ = (20.0, 800.0)
-_FIT_FREQUENCIES, _ALIKE_FREQUENCIES, _SECTIONS = 600, 120, 15  # twice as many sections over the span
+_FIT_FREQUENCIES, _ALIKE_FREQUENCIES, _SECTIONS = 600, 120, 15
 _MOST_FACTOR = 4.0  # between a fitted parameter and the smeared one
 
 
@@ -103,8 +103,12 @@ def support_factors(
         start: logarithms of the factors that the least squares start from, (5,).
     """
     frequency_hz = np.geomspace(*ALIKE_BAND_HZ, _ALIKE_FREQUENCIES)
-    span = beam.receptance(discrete, frequency_hz, beam.sections(discrete, 2 * _SECTIONS))
-    wanted = {"mean": span.mean(axis=0), "mid-span": span[_SECTIONS], "sleeper": span[0]}[section]
+    at_m = {
+        "mean": beam.sections(discrete, _SECTIONS),
+        "mid-span": np.array([discrete.spacing_m / 2]),
+        "sleeper": np.zeros(1),
+    }[section]
+    wanted = beam.receptance(discrete, frequency_hz, at_m).mean(axis=0)
 
     def misfit(logarithms: FloatArray) -> FloatArray:
         ratio = beam.receptance(with_factors(smeared, np.exp(logarithms)), frequency_hz, 0.0)[0] / wanted
