@@ -1,5 +1,7 @@
 """The speeds that the paper names for its cosine dips, and those that a model of the continuous track gives."""
 
+import gc
+
 import numpy as np
 
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
@@ -32,6 +34,8 @@ def dip_speeds(context: StudyContext, model: StateModel) -> DipSpeeds:
         peak_map = fast.peak_map(context.wheel_path(dip, CONTINUOUS), speeds, [0.0])
         maximum, _ = passage_curves.first_maximum(passage_curves.features(speeds, peak_map.peak_force_n[:, 0]))
         found[dip] = (float(maximum), *passage_curves.first_kinks_kmh(speeds, peak_map))
+    del fast
+    gc.collect()  # it keeps hundreds of megabytes and refers to itself
     return found
 
 

@@ -7,6 +7,7 @@ sleeper passing, and the parts of the force at its peak.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -63,7 +64,8 @@ def run(coarse: bool, start_progress: StartProgress) -> StudyResult:
         "fractions, fitted continuous": PaperVariant(coarse=coarse, fitted_continuous=True),
     }
     done = start_progress("studies", len(contexts) * len(STUDIES))
-    evaluated = {name: _evaluated(context, done) for name, context in contexts.items()}
+    # On contexts of their own: each keeps gigabytes of tables of its passages.
+    evaluated = {name: _evaluated(replace(context), done) for name, context in contexts.items()}
     pictures = [
         Picture(
             "curves", "Force over the cosine dips, by variant",
