@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 CUTS_HZ = (480.0, CUT_HZ, 580.0)
+HIGH_FROM_KMH = 80.0  # slower, the part above 530 Hz is negligible, and its peaks are ripple
 _SHOWN_KMH = (50.0, 80.0, 120.0, 130.0, 160.0, 200.0, 250.0, 300.0)
 
 
@@ -30,7 +31,7 @@ class ForceParts:
         low_n: at the peak, below each frequency of `CUTS_HZ`: (n_speed, n_cut).
         high_n: at the peak, above `CUT_HZ`.
         low_hz: of the strongest spectral peak between 150 and 530 Hz.
-        high_hz: of the strongest one above 530 Hz; NaN where none stands out.
+        high_hz: of the strongest one above 530 Hz; NaN below `HIGH_FROM_KMH`.
     """
 
     speeds_kmh: FloatArray
@@ -52,8 +53,8 @@ def force_parts(context: StudyContext) -> ForceParts:
         low.append([bands(passage.x_m, passage.force_n, speed, cut).low_n[at] - static_n for cut in CUTS_HZ])
         high.append(split.at_peak_n[1])
         low_hz.append(passage_records.strongest_hz(split.spectrum, 150.0, CUT_HZ))
-        above = passage_records.peaks_between(split.spectrum, CUT_HZ, np.inf)
-        high_hz.append(max(above, key=lambda peak: peak.amplitude).frequency_hz if above else np.nan)
+        clear = speed >= HIGH_FROM_KMH
+        high_hz.append(passage_records.strongest_hz(split.spectrum, CUT_HZ, np.inf) if clear else np.nan)
     return ForceParts(speeds, *(np.array(values) for values in (low, high, low_hz, high_hz)))
 
 

@@ -67,9 +67,9 @@ def figure(found: list[PositionRatio]) -> "Figure":
     axes = drawn.subplots()
     for one, colour, style in zip(found, COLOURS, ("-", "--"), strict=False):
         axes.semilogy(one.frequency_hz, one.ratio, style, color=colour, label=one.rail)
-    for hertz, label in ((300.0, "300 Hz"), (found[0].pinned_pinned_hz, "pinned-pinned")):
+    for hertz, label in ((300.0, "300 Hz "), (found[0].pinned_pinned_hz, "pinned-pinned ")):
         axes.axvline(hertz, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
-        axes.text(hertz + 8, 0.97, label, va="top", transform=axes.get_xaxis_transform())
+        axes.text(hertz, 0.97, label, ha="right", va="top", transform=axes.get_xaxis_transform())
     axes.axhline(SMALL, color=GREY, linewidth=0.8, zorder=0)
     axes.set(xlabel="frequency, Hz", ylabel="largest over smallest, relative", ylim=(1, None))
     legend_above(drawn, 2)

@@ -30,7 +30,7 @@ from weld_force_ros.studies import (
 )
 from weld_force_ros.studies.claims import EvaluatedClaim
 from weld_force_ros.studies.dip_speeds import PAPERS_KMH
-from weld_force_ros.studies.figure_style import COLOURS, label_panel, legend_above
+from weld_force_ros.studies.figure_style import COLOURS, legend_above
 from weld_force_ros.studies.fit_weights import weight_effects, weight_figure, weight_table
 from weld_force_ros.studies.paper_variant import ALIKE_BAND_HZ, PaperVariant
 from weld_force_ros.studies.result_table import Cell, Column, Table
@@ -137,7 +137,7 @@ def _experiments(
         "parts", "Over the 48 mm dip: both parts of the force at its peak, and its spectral peaks",
         "Above: the parts below and above 530 Hz where the whole force is largest; beyond the curve's second kink "
         "(dashed; the other one: its first maximum) the peak is the high part's. Below: the strongest spectral peak "
-        "below 530 Hz stays, that above it rises with speed, though less than in proportion.",
+        "below 530 Hz stays, that above it (from 80 km/h on) rises with speed, though less than in proportion.",
         force_parts.figure(parts, (maximum_kmh, kink_kmh)),
     ))  # fmt: skip
     advance()
@@ -226,7 +226,7 @@ def _curves(contexts: Mapping[str, StudyContext]) -> "Figure":
             axes.plot(kinks, np.interp(kinks, speeds, force_kn), "v", color=colour, fillstyle="none", markersize=8)
         for speed in papers_kmh:
             axes.axvline(speed, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
-        label_panel(axes, dip)
+        axes.set_title(dip, loc="left", fontsize="medium")
         axes.set_ylabel("peak force, kN")
     panels[-1].set_xlabel("speed, km/h")
     legend_above(figure, 2, panels[0])
