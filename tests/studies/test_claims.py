@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.studies import claims
-from weld_force_ros.studies.claims import Claim, Condition, EvaluatedClaim, GeometrySource, Role, StudyName
+from weld_force_ros.studies.claims import (
+    Claim,
+    Condition,
+    Correction,
+    EvaluatedClaim,
+    GeometrySource,
+    Role,
+    StudyName,
+)
 
 SHIPPED = claims.load()
 WELL_FORMED = """
@@ -27,7 +35,11 @@ WELL_FORMED = """
 
 
 def claim(
-    *criteria: Condition, geometry: GeometrySource = "exact", role: Role | None = None, if_not: str | None = None
+    *criteria: Condition,
+    geometry: GeometrySource = "exact",
+    role: Role | None = None,
+    if_not: str | None = None,
+    corrected: Correction | None = None,
 ) -> Claim:
     return Claim(
         id="a-claim",
@@ -39,6 +51,7 @@ def claim(
         criteria=list(criteria),
         note="Because it is.",
         if_not=if_not,
+        corrected=corrected,
     )
 
 
@@ -139,6 +152,19 @@ def test_a_difference_says_which_quantity_what_it_means_and_that_the_shape_is_in
     assert evaluated(subject, maximum_kmh=53.0, ratio=0.6).why == "Meets its criteria"
 
 
+def test_a_corrected_criterion_stands_beside_the_first_one_and_changes_no_result():
+    subject = claim(MAXIMUM, corrected=Correction(criteria=[GROWS], reason="It only says that it grows."))
+    verdict = evaluated(subject, maximum_kmh=60.0, grows=True)
+    assert (verdict.result, verdict.corrected_result) == ("differs", "agrees")
+    assert verdict.corrected is not None
+    assert verdict.corrected.measured == "yes, required: yes"
+    assert verdict.corrected.reason == "It only says that it grows."
+    assert evaluated(subject, maximum_kmh=53.0, grows=False).corrected_result == "differs"
+    assert evaluated(subject, maximum_kmh=60.0).corrected_result == "not evaluated"
+    (line,) = claims.summary([verdict]).rows[:1]
+    assert line == ("exact", 0, 0, 1, 0, 0, 0.0, 1, 100.0)
+
+
 @pytest.mark.parametrize(
     ("condition", "value"), [(MAXIMUM, True), (MAXIMUM, "fast"), (MAXIMUM, [True]), (GROWS, 1.0), (GROWS, [True])]
 )
@@ -214,12 +240,12 @@ def test_the_table_has_a_row_a_claim_and_the_summary_counts_them_by_geometry(tmp
     ]  # fmt: skip
     counted = claims.summary(verdicts)
     assert counted.rows == [
-        ("exact", 1, 0, 1, 1, 0, 50.0),
-        ("inferred, fitted", 0, 0, 1, 0, 0, 0.0),
-        ("inferred, held-out", 1, 0, 0, 0, 0, 100.0),
-        ("assumed", 0, 0, 1, 0, 0, 0.0),
-        ("none", 0, 0, 0, 0, 1, None),
-        ("all", 2, 0, 3, 1, 1, 40.0),
+        ("exact", 1, 0, 1, 1, 0, 50.0, 1, 50.0),
+        ("inferred, fitted", 0, 0, 1, 0, 0, 0.0, 0, 0.0),
+        ("inferred, held-out", 1, 0, 0, 0, 0, 100.0, 1, 100.0),
+        ("assumed", 0, 0, 1, 0, 0, 0.0, 0, 0.0),
+        ("none", 0, 0, 0, 0, 1, None, 0, None),
+        ("all", 2, 0, 3, 1, 1, 40.0, 2, 40.0),
     ]
     counted.write_csv(tmp_path / "summary.csv")
     assert (tmp_path / "summary.csv").read_text(encoding="utf-8").startswith("geometry,agrees,partly,differs,")
@@ -250,6 +276,12 @@ def test_a_well_formed_file_is_read_as_it_stands():
         ("exact", "inferred", "role"),
         ("exact", "exact\n  role: fitted", "role"),
         ("id: first-maximum", "id: First Maximum", "id"),
+        ("  note:", "  corrected: {criteria: [], reason: Too much.}\n  note:", "criteria"),
+        (
+            "  note:",
+            "  corrected: {criteria: [{key: hertz.change, above: 0}], reason: Too much.}\n  note:",
+            "hertz.change",
+        ),
         (WELL_FORMED, WELL_FORMED + WELL_FORMED, "twice"),
     ],
 )

@@ -45,7 +45,7 @@ def measured(papers: dict[str, StudyResult]) -> Quantities:
 
 def required(study: str) -> Iterator[str]:
     """The quantities that the claims evaluated by a study need."""
-    return (condition.key for claim in claims.load() if claim.study == study for condition in claim.criteria)
+    return (condition.key for claim in claims.load() if claim.study == study for condition in claim.all_criteria)
 
 
 @pytest.mark.parametrize("name", STUDIES)

@@ -24,8 +24,8 @@ def run(context: StudyContext) -> StudyResult:
     welds = variants.by_sign(context)
     speeds = context.speeds(20, 300, 1)
     peak_maps = list(context.vehicle_track(CONTINUOUS).peak_maps([weld.wheel_path for weld in welds], speeds, [0.0]))
-    weld_splits = {speed: _split_force(context, welds[0], speed) for speed in sorted({*DIP_KMH, *MOVING_KMH})}
-    inverse_splits = {speed: _split_force(context, welds[1], speed) for speed in RISE_KMH}
+    weld_splits = {speed: split_force(context, welds[0], speed) for speed in sorted({*DIP_KMH, *MOVING_KMH})}
+    inverse_splits = {speed: split_force(context, welds[1], speed) for speed in RISE_KMH}
     first_m, last_m = welds[0].wheel_path.nonzero_extent_m
     shown_m = (first_m - _BEFORE_M, last_m + _AFTER_M)
     pictures = [
@@ -38,11 +38,17 @@ def run(context: StudyContext) -> StudyResult:
         "parts": _parts_table(welds, [weld_splits, inverse_splits], shown_m),
         "curves": _curves_table(welds, speeds, peak_maps),
     }
-    measured = _claim_quantities(speeds, peak_maps, weld_splits, inverse_splits) if context.uses_paper_inputs else {}
+    measured: Quantities = {}
+    if context.uses_paper_inputs:
+        measured = _claim_quantities(speeds, peak_maps, weld_splits, inverse_splits)
+        measured["bands.parts_where_force_rises_again_n"] = _parts_after_minimum(
+            context, welds[0], speeds, peak_maps[0]
+        )
     return StudyResult("bands", "Force below and above 530 Hz", pictures, tables, measured)
 
 
-def _split_force(context: StudyContext, weld: Variant, speed_kmh: float) -> BandSplit:
+def split_force(context: StudyContext, weld: Variant, speed_kmh: float) -> BandSplit:
+    """Return the force over a weld on continuous support at a speed, split at 530 Hz."""
     vehicle_track = context.vehicle_track(CONTINUOUS)
     passage = passage_records.record(vehicle_track, weld.wheel_path, speed_kmh)
     return BandSplit(
@@ -113,6 +119,7 @@ def _high_part(splits: dict[float, BandSplit]) -> Quantities:
     phase = phase_at_peak(splits[80.0].parts)
     return {
         "bands.high_peak_exponent": passage_records.exponent(MOVING_KMH, strongest),
+        "bands.high_peak_rises": bool(np.all(np.diff(strongest) > 0)),
         **{f"bands.high_share_{speed:g}kmh": splits[speed].high_share for speed in (50.0, 80.0, 120.0)},
         "bands.high_grows": bool(np.all(np.diff(largest) > 0)),
         "bands.high_at_low_maximum_80kmh_n": phase.high_n,
@@ -120,6 +127,13 @@ def _high_part(splits: dict[float, BandSplit]) -> Quantities:
         "bands.high_at_peak_50kmh_n": splits[50.0].at_peak_n[1],
         "bands.parts_at_peak_200kmh_n": splits[200.0].at_peak_n,
     }
+
+
+def _parts_after_minimum(context: StudyContext, weld: Variant, speeds: FloatArray, peak_map: PeakMap) -> list[float]:
+    """Return the low and the high part at the peak at the first computed speed past the curve's local minimum."""
+    minimum = passage_curves.minimum_after_maximum(passage_curves.features(speeds, peak_map.peak_force_n[:, 0]))
+    past = speeds[speeds > minimum.lowest_kmh] if minimum else speeds[:0]
+    return split_force(context, weld, float(past[0])).at_peak_n if len(past) else []
 
 
 def _peak_locations(speeds: FloatArray, peak_map: PeakMap, splits: dict[float, BandSplit]) -> Quantities:

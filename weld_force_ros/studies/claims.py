@@ -111,13 +111,24 @@ class Condition(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields
         return cast(list[float], numbers)
 
 
+class Correction(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=True):
+    """Criteria in place of those that asked for more than the statement says, found after the run, and why.
+
+    They are evaluated and counted apart: the claim's result stays that of the criteria that were fixed beforehand.
+    """
+
+    criteria: Annotated[list[Condition], Meta(min_length=1)]
+    reason: _Text
+
+
 class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=True):
     """A statement of the paper in our words; without criteria it cannot be tested.
 
     `where` is its section and figure in the paper. `geometry` is `exact` if the paper gives all that the statement
     depends on, `inferred` if the weld's shape was searched for with its words, `assumed` if the welds are synthetic,
     `none` if it gives too little for any check. `role` says of inferred geometry whether the search was given it.
-    `if_not` says beforehand what a difference would mean, `found` what explained one afterwards.
+    `if_not` says beforehand what a difference would mean, `found` what explained one afterwards, `corrected` which
+    criteria the statement itself asks for.
     """
 
     id: Annotated[str, Meta(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$")]
@@ -130,6 +141,7 @@ class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tru
     note: _Text
     if_not: _Text | None = None
     found: _Text | None = None
+    corrected: Correction | None = None
 
     def problem(self) -> str | None:
         """Return why the claim is invalid beyond its types, or None."""
@@ -137,14 +149,34 @@ class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tru
             return "a claim has criteria unless its geometry is none"
         if (self.geometry == "inferred") is not (self.role is not None):
             return "a claim has a role if its geometry is inferred, and only then"
-        foreign = [c.key for c in self.criteria if c.key.partition(".")[0] != self.study]
+        if self.corrected and not self.criteria:
+            return "a claim without criteria has none to correct"
+        foreign = [c.key for c in self.all_criteria if c.key.partition(".")[0] != self.study]
         if foreign:
             return f"{foreign[0]} is not measured by the study {self.study}"
-        return next(filter(None, (condition.problem() for condition in self.criteria)), None)
+        return next(filter(None, (condition.problem() for condition in self.all_criteria)), None)
+
+    @property
+    def all_criteria(self) -> list[Condition]:
+        """Return the criteria, and those that correct them."""
+        return [*self.criteria, *(self.corrected.criteria if self.corrected else ())]
+
+
+class CorrectedResult(msgspec.Struct, kw_only=True, frozen=True):
+    """The result by criteria that were corrected after the run, and why they were."""
+
+    criterion: str
+    measured: str
+    result: ClaimResult
+    reason: str
 
 
 class EvaluatedClaim(msgspec.Struct, kw_only=True, frozen=True):
-    """A claim with its result, one entry of `claims.json`. A value there is null where the quantity does not exist."""
+    """A claim with its result, one entry of `claims.json`. A value there is null where the quantity does not exist.
+
+    `result` is by the criteria that were fixed beforehand; `corrected` is beside it where they asked for more than the
+    statement says.
+    """
 
     id: str
     statement: str = msgspec.field(name="claim")
@@ -158,6 +190,12 @@ class EvaluatedClaim(msgspec.Struct, kw_only=True, frozen=True):
     values: dict[str, float | bool | str | list[float | None] | None]
     result: ClaimResult
     why: str
+    corrected: CorrectedResult | None = None
+
+    @property
+    def corrected_result(self) -> ClaimResult:
+        """Return the result by the corrected criteria, if there are any, else the result."""
+        return self.corrected.result if self.corrected else self.result
 
 
 def load() -> list[Claim]:
@@ -228,11 +266,16 @@ def table(evaluated: Sequence[EvaluatedClaim]) -> Table:
 
 
 def summary(evaluated: Sequence[EvaluatedClaim]) -> Table:
-    """Count the claims by geometry, role and result, with the share of those evaluated that agree."""
+    """Count the claims by geometry, role and result, with the share of those evaluated that agree.
+
+    The last two columns count those as well whose criteria asked for more than the statement says, by what it says.
+    """
     columns = (
         Column("geometry", "geometry"),
         *(Column(result.replace(" ", "_").replace("-", "_"), result) for result in RESULTS),
         Column("agree_percent", "agree %", 0),
+        Column("agrees_corrected", "agrees, criteria corrected", 0),
+        Column("agree_corrected_percent", "agree %, criteria corrected", 0),
     )
     rows = [
         (f"{geometry}, {role}" if role else geometry, *_counts([e for e in evaluated if (e.geometry, e.role) == kind]))
@@ -245,21 +288,17 @@ def summary(evaluated: Sequence[EvaluatedClaim]) -> Table:
 def _counts(claims: Sequence[EvaluatedClaim]) -> tuple[float | None, ...]:
     counts = [sum(claim.result == result for claim in claims) for result in RESULTS]
     evaluable = sum(counts[:3])
-    return (*counts, 100 * counts[0] / evaluable if evaluable else None)
+    corrected = sum(claim.corrected_result == "agrees" for claim in claims)
+    shares = [100 * agreeing / evaluable if evaluable else None for agreeing in (counts[0], corrected)]
+    return (*counts, shares[0], corrected, shares[1])
 
 
 def _evaluated(claim: Claim, measured: Mapping[str, Quantity]) -> EvaluatedClaim:
-    values = {c.key: _plain(measured[c.key]) for c in claim.criteria if c.key in measured}
-    known = [c for c in claim.criteria if c.key in values]
+    values = {c.key: _plain(measured[c.key]) for c in claim.all_criteria if c.key in measured}
     missing = [c.key for c in claim.criteria if c.key not in values]
-    holds = [held for condition in known for held in condition.holds(values[condition.key])]
-    if not claim.criteria:
-        result: ClaimResult = "not-testable"
-    elif missing:
-        result = "not evaluated"
-    else:
-        result = "agrees" if all(holds) else "partly" if any(holds) else "differs"
-    failed = [c for c in known if not all(c.holds(values[c.key]))]
+    result = _result(claim.criteria, values)
+    failed = [c for c in claim.criteria if c.key in values and not all(c.holds(values[c.key]))]
+    corrected = claim.corrected
     return EvaluatedClaim(
         id=claim.id,
         statement=claim.statement,
@@ -267,15 +306,41 @@ def _evaluated(claim: Claim, measured: Mapping[str, Quantity]) -> EvaluatedClaim
         study=claim.study,
         geometry=claim.geometry,
         role=claim.role,
-        criterion="; ".join(f"{_label(c, len(claim.criteria))}{c.in_words()}" for c in claim.criteria),
+        criterion=_criterion(claim.criteria),
         note=claim.note,
-        measured="; ".join(
-            f"{_label(c, len(claim.criteria))}{c.value_in_words(values[c.key])}, required: {c.in_words()}"
-            for c in known
-        ),
+        measured=_measured(claim.criteria, values),
         values={key: _jsonable(value) for key, value in values.items()},
         result=result,
         why=_why(claim, result, missing, failed),
+        corrected=CorrectedResult(
+            criterion=_criterion(corrected.criteria),
+            measured=_measured(corrected.criteria, values),
+            result=_result(corrected.criteria, values),
+            reason=corrected.reason.strip(),
+        )
+        if corrected
+        else None,
+    )
+
+
+def _result(criteria: Sequence[Condition], values: Mapping[str, Quantity]) -> ClaimResult:
+    if not criteria:
+        return "not-testable"
+    if any(condition.key not in values for condition in criteria):
+        return "not evaluated"
+    holds = [held for condition in criteria for held in condition.holds(values[condition.key])]
+    return "agrees" if all(holds) else "partly" if any(holds) else "differs"
+
+
+def _criterion(criteria: Sequence[Condition]) -> str:
+    return "; ".join(f"{_label(c, len(criteria))}{c.in_words()}" for c in criteria)
+
+
+def _measured(criteria: Sequence[Condition], values: Mapping[str, Quantity]) -> str:
+    return "; ".join(
+        f"{_label(c, len(criteria))}{c.value_in_words(values[c.key])}, required: {c.in_words()}"
+        for c in criteria
+        if c.key in values
     )
 
 

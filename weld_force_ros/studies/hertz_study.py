@@ -88,6 +88,7 @@ def _claim_quantities(
     soft_kink_kmh, stiff_kink_kmh = (passage_curves.first_kinks_kmh(speeds, maps[0])[0] for maps in (soft, stiff))
     return {
         "hertz.change_of_static": (stiff_n - soft_n) / static_n,
+        "hertz.largest_change_of_static": float(np.max(stiff_dip - soft_dip) / static_n),
         "hertz.change_of_static_rise": float(np.mean((stiff_rise - soft_rise)[shown]) / static_n),
         "hertz.shape_correlation": float(np.corrcoef(soft_dip[shown], stiff_dip[shown])[0, 1]),
         "hertz.shape_correlation_rise": float(np.corrcoef(soft_rise[shown], stiff_rise[shown])[0, 1]),

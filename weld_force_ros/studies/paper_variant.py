@@ -5,7 +5,9 @@ receptance is similar to the discrete track's up to some 800 Hz (section 6). Rea
 1500 Hz; and support parameters such that magnitudes are those of the mean over the span.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -13,6 +15,7 @@ from scipy.optimize import least_squares
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.engines.common_poles import relative_error
 from weld_force_ros.physics.engines.rational_fractions import RfpModel, common_denominator, fit_sections
+from weld_force_ros.physics.passage.state_space import StateModel
 from weld_force_ros.physics.track import beam
 from weld_force_ros.physics.track.beam import Track
 from weld_force_ros.physics.track.support import Spring, Support
@@ -27,6 +30,10 @@ _FIT_FREQUENCIES, _ALIKE_FREQUENCIES, _SECTIONS = 600, 120, 15
 _MOST_FACTOR = 4.0  # between a fitted parameter and the smeared one
 
 
+Section: TypeAlias = Literal["mean", "mid-span", "sleeper"]
+"""Where in the discrete track's span the receptance is taken that a continuous track is fitted to."""
+
+
 @dataclass(frozen=True)
 class PaperVariant(StudyContext):
     """The paper's tracks by rational fractions.
@@ -34,9 +41,11 @@ class PaperVariant(StudyContext):
     Attributes:
         fitted_continuous: take the continuous track that is fitted to the discrete one, in place of its supports
             smeared.
+        fractions: take rational fractions in place of our poles.
     """
 
     fitted_continuous: bool = False
+    fractions: bool = True
 
     def track(self, name: str) -> TrackDefinition:
         """Return a track of the paper, the continuous one fitted if so chosen."""
@@ -51,9 +60,13 @@ class PaperVariant(StudyContext):
     def rfp_error(self, name: str) -> float:
         """Return the error of the fractions, as fits state it."""
         definition = self.track(name)
-        return relative_error(self.model(name), definition.track, definition.wheel.compliance)
+        return relative_error(self._fractions(name), definition.track, definition.wheel.compliance)
 
-    def model(self, name: str) -> RfpModel:
+    def model(self, name: str) -> StateModel:
+        """Return the model of a track."""
+        return self._fractions(name) if self.fractions else super().model(name)
+
+    def _fractions(self, name: str) -> RfpModel:
         """Return the fractions of a track: those that ship, or of the continuous one by least squares."""
         definition = self.track(name)
         if not definition.track.continuous:
@@ -69,20 +82,48 @@ def continuous_like(discrete: Track, smeared: Track) -> Track:
     Pad, sleeper and ballast are fitted by least squares of log magnitudes, each within a factor of four of those that
     are given.
     """
+    return with_factors(smeared, support_factors(discrete, smeared))
+
+
+def support_factors(
+    discrete: Track,
+    smeared: Track,
+    section: Section = "mean",
+    *,
+    phase: bool = False,
+    start: Sequence[float] = (0.0,) * 5,
+) -> FloatArray:
+    """Return by what the smeared supports are multiplied to have a discrete track's receptance: see `with_factors`.
+
+    Args:
+        discrete: the track to resemble, up to 800 Hz.
+        smeared: its supports smeared.
+        section: where in its span.
+        phase: compare complex receptances, relative, instead of log magnitudes.
+        start: logarithms of the factors that the least squares start from, (5,).
+    """
     frequency_hz = np.geomspace(*ALIKE_BAND_HZ, _ALIKE_FREQUENCIES)
-    wanted = np.abs(beam.receptance(discrete, frequency_hz, beam.sections(discrete, _SECTIONS)).mean(axis=0))
+    at_m = {
+        "mean": beam.sections(discrete, _SECTIONS),
+        "mid-span": np.array([discrete.spacing_m / 2]),
+        "sleeper": np.zeros(1),
+    }[section]
+    wanted = beam.receptance(discrete, frequency_hz, at_m).mean(axis=0)
 
     def misfit(logarithms: FloatArray) -> FloatArray:
-        found = beam.receptance(_with_factors(smeared, np.exp(logarithms)), frequency_hz, 0.0)[0]
-        return np.asarray(np.log(np.abs(found) / wanted))
+        ratio = beam.receptance(with_factors(smeared, np.exp(logarithms)), frequency_hz, 0.0)[0] / wanted
+        error = ratio - 1
+        return np.concatenate([error.real, error.imag]) if phase else np.asarray(np.log(np.abs(ratio)))
 
     most = np.log(_MOST_FACTOR)
-    fit = least_squares(misfit, np.zeros(5), bounds=(-most, most))
-    return _with_factors(smeared, np.exp(fit.x))
+    return np.asarray(np.exp(least_squares(misfit, start, bounds=(-most, most)).x))
 
 
-def _with_factors(track: Track, factors: FloatArray) -> Track:
-    """Return the track with its pad's and its ballast's stiffness and loss, and its sleeper's mass, multiplied."""
+def with_factors(track: Track, factors: FloatArray) -> Track:
+    """Return the track with its supports multiplied by factors (5,).
+
+    In turn: the pad's stiffness and loss factor, the sleeper's mass, the ballast's stiffness and loss factor.
+    """
     pad, ballast = track.support.springs
     (mass,) = track.support.masses_kg
     if not (isinstance(pad, Spring) and isinstance(ballast, Spring) and isinstance(mass, float)):
@@ -98,18 +139,18 @@ def _with_factors(track: Track, factors: FloatArray) -> Track:
     return replace(track, support=support)
 
 
-def fractions_of(track: Track, *, favour_low: float = 0.0) -> RfpModel:
+def fractions_of(track: Track, *, favour_low: float = 0.0, degree: int = DEGREE) -> RfpModel:
     """Return rational fractions of a continuous track by least squares, static compliance exact.
 
-    Errors have the weight 1 / (|h| f^n), n being `favour_low`: 0 makes them relative.
+    Errors have the weight 1 / (|h| f^n), n being `favour_low`: 0 makes them relative. `degree` is the denominator's.
     """
     frequency_hz = np.linspace(*FIT_BAND_HZ, _FIT_FREQUENCIES)
     at = np.zeros(1)
     exact = beam.receptance(track, frequency_hz, at)
     weight = (FIT_BAND_HZ[0] / frequency_hz) ** favour_low / np.abs(exact)
     denominator, numerator = fit_sections(
-        frequency_hz, exact, weight, beam.static_compliance(track, at), DEGREE,
-        start=common_denominator(frequency_hz, exact, weight, DEGREE),
+        frequency_hz, exact, weight, beam.static_compliance(track, at), degree,
+        start=common_denominator(frequency_hz, exact, weight, degree),
     )  # fmt: skip
     return RfpModel(denominator, numerator, track.spacing_m)
 

@@ -17,7 +17,7 @@ def run(context: StudyContext) -> StudyResult:
     """Compute the force over whole spans at four speeds."""
     span_m = context.track(BILBAO).track.spacing_m
     histories = [context.smooth_rail(BILBAO, speed, _SPANS) for speed in SPEEDS_KMH]
-    spans = [_whole_spans(history.x_m, history.force_n, span_m) for history in histories]
+    spans = [whole_spans(history.x_m, history.force_n, span_m) for history in histories]
     figure = new_figure(7.0, 4.2)
     axes = figure.subplots()
     for speed, (x, force), colour in zip(SPEEDS_KMH, spans, COLOURS, strict=False):
@@ -44,7 +44,7 @@ def run(context: StudyContext) -> StudyResult:
     return StudyResult("smooth", "Parametric excitation", [picture], {"force": table}, measured)
 
 
-def _whole_spans(x_m: FloatArray, force_n: FloatArray, span_m: float) -> tuple[FloatArray, FloatArray]:
+def whole_spans(x_m: FloatArray, force_n: FloatArray, span_m: float) -> tuple[FloatArray, FloatArray]:
     """Return the last whole spans from a sleeper on."""
     step_m = x_m[1] - x_m[0]
     points = round(span_m / step_m)

@@ -30,7 +30,7 @@ from weld_force_ros.studies.study_context import (
 SPEEDS_KMH = (55.0, 120.0, 145.0, 220.0)
 DIP_KMH = 120.0
 _FREQUENCIES_HZ = np.arange(10.0, 1500.5, 1.0)
-_FIG_5_POSITIONS = np.array([32, 40, 44, 52, 60]) / 60  # of the paper's Fig. 5, relative to its span of 60 cm
+FIG_5_POSITIONS = np.array([32, 40, 44, 52, 60]) / 60  # of the paper's Fig. 5, relative to its span of 60 cm
 _SHOWN_HZ = 2000.0
 _EVERY = 8  # the record's own resolution, of which the spectrum has eight times as many
 _LARGE = 0.1  # of the largest amplitude
@@ -45,7 +45,7 @@ def run(context: StudyContext) -> StudyResult:
     excitations = [_excitation(context, weld, speed) for speed in SPEEDS_KMH]
     over_dip = [_excitation(context, DIP_48, DIP_KMH)] if context.own_weld is None else []
     wheelset = (_FREQUENCIES_HZ, np.abs(receptances["wheelset_track"][0]))
-    positions_m = _FIG_5_POSITIONS * context.track(BILBAO).track.spacing_m
+    positions_m = FIG_5_POSITIONS * context.track(BILBAO).track.spacing_m
     where = "continuous support" if context.track(CONTINUOUS).track.continuous else "over a sleeper"
     pictures = [
         receptance_picture(_FREQUENCIES_HZ, receptances, positions_m, where),
@@ -62,7 +62,7 @@ def _receptances(context: StudyContext) -> dict[str, ComplexArray]:
     discrete, continuous = context.track(BILBAO).track, context.track(CONTINUOUS)
     span = beam.receptance(discrete, _FREQUENCIES_HZ, beam.sections(discrete, 15))
     return {
-        "positions": beam.receptance(discrete, _FREQUENCIES_HZ, _FIG_5_POSITIONS * discrete.spacing_m),
+        "positions": beam.receptance(discrete, _FREQUENCIES_HZ, FIG_5_POSITIONS * discrete.spacing_m),
         "span_mean": span.mean(axis=0, keepdims=True),
         "simulated_track": beam.receptance(continuous.track, _FREQUENCIES_HZ, 0.0),
         "wheelset_track": wheelset_track_receptance(continuous.track, continuous.wheel, _FREQUENCIES_HZ, 0.0),
@@ -128,10 +128,12 @@ def _track_alone(context: StudyContext, receptances: dict[str, ComplexArray]) ->
     magnitude = np.abs(receptances["positions"])
     ratio = magnitude.max(axis=0) / magnitude.min(axis=0)
     near_pinned = np.abs(_FREQUENCIES_HZ / pinned_hz - 1) <= _NEAR
+    largest_at_hz = _FREQUENCIES_HZ[np.argmax(ratio)]
     shared = (_FREQUENCIES_HZ >= 20) & (_FREQUENCIES_HZ <= 800)
     mean, continuous = (np.abs(receptances[name][0][shared]) for name in ("span_mean", "simulated_track"))
     return {
         "spectrum.position_ratio_pinned_pinned": float(ratio[near_pinned].max()),
+        "spectrum.largest_position_ratio_over_pinned_pinned": float(largest_at_hz / pinned_hz),
         "spectrum.position_ratio_300hz": float(np.interp(300.0, _FREQUENCIES_HZ, ratio)),
         "spectrum.continuous_difference": float(np.sqrt(np.mean((continuous / mean - 1) ** 2))),
         "spectrum.rfp_error_bilbao": context.rfp_error(BILBAO),
