@@ -321,7 +321,8 @@ def peaks_in_lanes(octets: Octets, tables: SpeedRows, filters: Filters, physics,
         while n_active > 0:
             copy(forces[CHECK_EVERY_STEPS * LANES :], forces[: 2 * LANES])
             before = here
-            put_side_by_side(along, n_grid, at_hand, slots, here, CHECK_EVERY_STEPS, is_there, side_by_side)
+            if n % CHUNK == 0:
+                put_side_by_side(along, n_grid, at_hand, slots, here, CHUNK, is_there, side_by_side)
             for m in range(CHECK_EVERY_STEPS):
                 n += 1
                 there = ahead(here, n_grid)

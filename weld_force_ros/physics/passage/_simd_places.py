@@ -10,7 +10,7 @@ from weld_force_ros.physics.passage._contact import FAST_MATH, copy
 from weld_force_ros.physics.passage._simd import LANES, PLACES, SPEEDS
 
 CHUNK = 64
-"""Grid points whose tables are put side by side at once."""
+"""Grid points whose tables are put side by side at once: a multiple of `CHECK_EVERY_STEPS`."""
 
 
 @compiled(nogil=True, fastmath=FAST_MATH, inline="always")
