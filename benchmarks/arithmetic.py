@@ -6,11 +6,11 @@ import numpy as np
 
 from benchmarks import _solvers, study, timing
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage._simd import LANES, SPEEDS
+from weld_force_ros.physics.passage._simd import LANES, PLACES, SPEEDS
 from weld_force_ros.physics.passage.batch import PassageStarts, make_batch
 
 _STEPS = 1 << 14
-_PAIRS = 4
+_GROUPS = 2  # of places
 _ROUNDS = 1_000_000
 _CHAINS = 4
 
@@ -28,18 +28,18 @@ def arithmetic(repetitions: int) -> dict[str, object]:
     """Time passages over a smooth wave of fixed length, and independent multiply-adds, on one thread."""
     model = study.model()
     solver = study.vehicle_track(1).solver
-    positions = np.arange(2 * _PAIRS)
+    positions = np.arange(PLACES * _GROUPS)
     wave = 1e-5 * np.sin(0.05 * np.arange(_STEPS + 1)) * np.ones((len(positions), 1))
     weld = PassageStarts(37 * solver.longest_stride * positions, np.full(len(positions), _STEPS), wave)
-    everything = np.ones((SPEEDS, len(positions)), dtype=np.bool_)
+    at, speeds = np.divmod(np.arange(SPEEDS * len(positions)), SPEEDS)
     pool = ThreadPoolExecutor(1)
-    batch = make_batch(solver, np.linspace(60.0, 200.0, SPEEDS), solver.longest_stride, pool)
+    batch = make_batch(solver, np.linspace(60.0, 200.0, SPEEDS), solver.longest_stride)
 
     def simulate() -> FloatArray:
-        return batch.peaks(weld, everything, pool, 1)
+        return batch.peaks(weld, speeds, at, pool, 1)
 
-    # All lanes of a pair of positions go on until the last of them is done.
-    steps = LANES * simulate()[:, :, 5].reshape(SPEEDS, _PAIRS, 2).max(axis=(0, 2)).sum()
+    # All lanes of a group of places go on until the last of them is done.
+    steps = LANES * simulate()[:, 5].reshape(_GROUPS, LANES).max(axis=1).sum()
     numbers = np.full(LANES * (_CHAINS + 2), 0.5)
     taken = timing.interleaved(
         {

@@ -93,6 +93,8 @@ def number(text: str, name: str, *, decimal_comma: bool = False) -> Decimal:
     Raises:
         ProfileError: not a number, or not a finite one.
     """
+    if _SIMPLE.fullmatch(text) and (decimal_comma or "," not in text):
+        return Decimal(text.replace(",", ".", 1))
     plain = plain_number(text, decimal_comma=decimal_comma)
     if _NUMBER.fullmatch(plain):
         return Decimal(plain.lower().replace("d", "e"))

@@ -217,6 +217,8 @@ def _is_row(fields: Sequence[str], heading: Heading | None, form: InstrumentForm
     if used and all(isinstance(c, int) and c <= len(fields) for c in used):
         fields, heading = [fields[c - 1] for c in used if isinstance(c, int)], None
     numbers = [is_number(part) for part in fields]
+    if numbers and all(numbers):  # nearly every line
+        return True
     missing = [is_missing(part, tuple(form.missing)) for part in fields]
     if not any(numbers):
         return False

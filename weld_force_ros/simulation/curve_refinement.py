@@ -44,16 +44,16 @@ def refine(
         everywhere = np.repeat(bounds.unbounded[:, None], bounds.simulated.shape[1], axis=1)
         bounds.add(everywhere, simulate(everywhere[~bounds.on_map]))
     while asked := questions.open_speeds(bounds.speeds_kmh[:count], bounds.worst.up_to(count)):
-        selected = _with_neighbours(bounds.deciding(asked), bounds)
+        selected = _with_neighbours(bounds.deciding(asked), bounds.simulated)
         bounds.add(selected, simulate(selected[~bounds.on_map]))
 
 
-def _with_neighbours(selected: Selection, bounds: CurveBounds) -> Selection:
-    """Add what takes no longer, as it is simulated side by side: neighbouring speeds at the same place."""
-    between = np.flatnonzero(~bounds.on_map)
-    block = np.arange(len(between)) // SPEEDS
-    of_block = np.zeros((block[-1] + 1, selected.shape[1]), dtype=np.bool_)
-    np.logical_or.at(of_block, block, selected[between])
-    filled = np.zeros_like(selected)
-    filled[between] = of_block[block]
-    return filled & ~bounds.simulated
+def _with_neighbours(selected: Selection, simulated: Selection) -> Selection:
+    """Add what takes no longer, as it is simulated side by side: at the same places the speeds that are nearest."""
+    rows, far = np.arange(len(selected))[:, None], 2 * len(selected)
+    before = np.maximum.accumulate(np.where(selected, rows, -far), axis=0)
+    after = np.minimum.accumulate(np.where(selected, rows, far)[::-1], axis=0)[::-1]
+    apart = np.where(simulated, far, np.minimum(rows - before, after - rows))
+    nearest = np.argsort(np.argsort(apart, axis=0, kind="stable"), axis=0)
+    filled = SPEEDS * -(-np.count_nonzero(selected, axis=0) // SPEEDS)
+    return np.asarray((nearest < filled) & (apart < far))

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from weld_force_ros.messages import Direction, Uncertainty
 from weld_force_ros.physics.arrays import FloatArray
-from weld_force_ros.physics.passage.lane_tables import AT_ONCE, LaneTables, MetPaths, Places, places_over
+from weld_force_ros.physics.passage.lane_tables import LaneTables
 from weld_force_ros.physics.passage.peak_map import PeakMap
+from weld_force_ros.physics.passage.sample_passages import AT_ONCE, MetPaths, Places, places_over, sample_peaks
 from weld_force_ros.physics.passage.state_space import StateModel
 from weld_force_ros.physics.passage.steady_state import SteadyStateSolver
 from weld_force_ros.physics.passage.wheel import Wheel
@@ -110,12 +111,12 @@ class _Choice:
 
     @property
     def blocks(self) -> NDArray[np.intp]:
-        """Speeds as `LaneTables.peaks` takes them, (n_place, AT_ONCE)."""
+        """Speeds as `sample_peaks` takes them, (n_place, AT_ONCE)."""
         return self.speeds.reshape(-1, AT_ONCE)
 
     @property
     def places(self) -> NDArray[np.intp]:
-        """Positions as `LaneTables.peaks` takes them, (n_place,)."""
+        """Positions as `sample_peaks` takes them, (n_place,)."""
         return np.repeat(self.positions, self.speeds.shape[1] // AT_ONCE)
 
     def worst(self, peak_map: PeakMap, static_load_n: float) -> dict[str, FloatArray]:
@@ -192,7 +193,7 @@ class FewPassages:
         geometries = np.concatenate([samples_m, z_m[None]])
         radii = np.append(self._draws.wheel_radius_m, self._wheel.radius_m)
         with executor(self._threads) as pool:
-            tables = self._tables_at(speeds_kmh, pool)
+            tables = self._tables_at(speeds_kmh)
             start_m, paths_m = self._rolled(x_m, geometries, radii, pool)
             places = [self._places(choice, runs, paths_m, start_m, positions_m) for choice in choices]
             found = list(pool.map(partial(self._simulated, choices, places), range(len(tables)), tables))
@@ -228,11 +229,11 @@ class FewPassages:
     def _span_m(self) -> float:
         return self._solvers[0].model.spacing_m
 
-    def _tables_at(self, speeds_kmh: FloatArray, pool: Executor) -> list[LaneTables]:
+    def _tables_at(self, speeds_kmh: FloatArray) -> list[LaneTables]:
         """Return every pair's tables: those at hand if these speeds are their first ones."""
         known_kmh, tables = self._tables
         if not np.array_equal(known_kmh[: len(speeds_kmh)], speeds_kmh):
-            tables = list(pool.map(partial(LaneTables, speeds_kmh=speeds_kmh), self._solvers))
+            tables = [LaneTables(solver, speeds_kmh, solver.longest_stride) for solver in self._solvers]
             self._tables = speeds_kmh, tables
         return tables
 
@@ -251,7 +252,7 @@ class FewPassages:
         rows = np.append(np.flatnonzero(self._levels.nearest == pair), len(self._levels.nearest))
         return [
             choice.worst(
-                tables.peaks(own, rows, choice.blocks, low_passed=choice.names == _LOW_PASSED),
+                sample_peaks(tables, own, rows, choice.blocks, low_passed=choice.names == _LOW_PASSED),
                 self._wheel.static_load_n,
             )
             for choice, own in zip(choices, places, strict=True)

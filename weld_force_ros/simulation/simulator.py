@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,7 @@ _PLACE_DECIMALS = 6
 _TIME_DECIMALS = 9
 _DISPLACEMENT_DECIMALS = 10
 _HISTORY_STEP_M = 1e-3
+_PATHS_REMEMBERED = 2  # the history of a weld follows on its map
 
 
 class Simulator:
@@ -78,6 +80,7 @@ class Simulator:
         self._span_m = definition.track.spacing_m
         self._pad_n_per_m = definition.track.support.pad.stiffness_n_per_m
         self.tracks = TracksAtWelds(definition, settings, threads=threads, on_fit=on_fit)
+        self._path_over = lru_cache(_PATHS_REMEMBERED)(self._compute_path)
         self._with_curves = curves and settings.engine == "common-poles"
 
     @property
@@ -87,8 +90,11 @@ class Simulator:
 
     def wheel_path(self, profile: WeldProfile) -> WheelPath:
         """Return the path of the wheel's centre over a profile."""
-        x_m, z_m, radius_m = np.array(profile.x_m), np.array(profile.z_m), self.vehicle_track.wheel.radius_m
-        return wheel_path_over(x_m, z_m, radius_m, self.settings.patch_half_length_m)
+        return self._path_over(np.array(profile.x_m, float).tobytes(), np.array(profile.z_m, float).tobytes())
+
+    def _compute_path(self, x_m: bytes, z_m: bytes) -> WheelPath:
+        radius_m, patch_m = self.vehicle_track.wheel.radius_m, self.settings.patch_half_length_m
+        return wheel_path_over(np.frombuffer(x_m), np.frombuffer(z_m), radius_m, patch_m)
 
     def force_map(
         self, profile: WeldProfile, asks: Asks | None = None, *, on_speed: Callable[[], None] = lambda: None

@@ -14,7 +14,6 @@ from weld_force_ros.physics.passage import batch
 from weld_force_ros.physics.passage.lowpass import BETWEEN_RESONANCES_HZ, CUTOFFS_HZ, low_pass, low_passed
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.peak_map import PeakMap
-from weld_force_ros.physics.passage.steady_state import SteadyState
 from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, WheelPath, wheel_path_over
 from weld_force_ros.simulation import fit_store
 
@@ -162,9 +161,9 @@ def test_a_sine_leaves_with_the_amplitude_of_butterworth(periods, dt):
     """|H|^2 = 1 / (1 + (f / cutoff)^8), less what the straight lines between the samples of a sine lack."""
     count = 4000
     load, sine = 1e5, 1e4 * np.sin(2 * np.pi * periods * np.arange(count) / count)
-    steady_state = SteadyState(1, dt, None, np.empty((0, 3)), load + sine, np.zeros((count, 3)))
+    wheel = np.stack([np.zeros(count), np.zeros(count), load + sine], axis=1)
     frequency = periods / (count * dt)
-    found = low_pass([steady_state], 600.0, CUTOFFS_HZ).smooth_n[0]  # the response to a force that repeats
+    found = low_pass(np.array([dt]), wheel[None], 600.0, CUTOFFS_HZ).smooth_n[0]  # the response to a force that repeats
     expected = 1e4 / np.sqrt(1 + (frequency / np.array(CUTOFFS_HZ)) ** 8) * np.sinc(frequency * dt) ** 2
     np.testing.assert_allclose(np.ptp(found, axis=1) / 2, expected, rtol=2e-4, atol=1e-4)
     np.testing.assert_allclose(found.mean(axis=1), load, rtol=1e-12)

@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement.shapes import cosine_dip
-from weld_force_ros.physics.passage import _scalar_passage, batch, steady_state
+from weld_force_ros.physics.passage import _scalar_passage, batch, speed_tables, steady_state
 from weld_force_ros.physics.passage.passage import VehicleTrackModel
 from weld_force_ros.physics.passage.peak_map import TOLERANCE, _finer
 from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
@@ -40,8 +40,8 @@ def test_peaks_are_those_of_the_shortest_steps_and_a_long_run_out(
     found = vehicle_track(name).peak_map(shape, [speed_kmh], [position_m])
     with monkeypatch.context() as patient:
         patient.setattr(steady_state, "LONGEST_STEP_M", steady_state.GRID_M)
-        patient.setattr(batch, "TRANSIENT_WINDOW_S", 0.5)
-        patient.setattr(batch, "RUN_OUT_S", 0.5)
+        patient.setattr(speed_tables, "TRANSIENT_WINDOW_S", 0.5)
+        patient.setattr(speed_tables, "RUN_OUT_S", 0.5)
         exact = vehicle_track(name).peak_map(shape, [speed_kmh], [position_m])
     peak = exact.peak_force_n[0, 0]
     assert found.peak_force_n[0, 0] == pytest.approx(peak, rel=2 * TOLERANCE)
@@ -74,9 +74,9 @@ def test_a_sharp_shape_is_simulated_in_shorter_steps_than_a_smooth_one(monkeypat
     strides: list[int] = []
     made = batch.make_batch
 
-    def noted(solver, speeds_kmh, stride, pool):
+    def noted(solver, speeds_kmh, stride):
         strides.append(stride)
-        return made(solver, speeds_kmh, stride, pool)
+        return made(solver, speeds_kmh, stride)
 
     monkeypatch.setattr("weld_force_ros.physics.passage.peak_map.make_batch", noted)
     vehicle_track("bilbao").peak_map(cosine(0.6, 0.2e-3), [100.0], [0.1])

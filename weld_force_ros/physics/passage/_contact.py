@@ -31,10 +31,10 @@ class Filters(NamedTuple):
     """Low-pass filters as the compiled passages take them; see `weld_force_ros.physics.passage.lowpass.LowPass`.
 
     Attributes:
-        decay: (2, n_filter, n_mode) of one speed; (n_block, 2, n_filter, n_mode, LANES) of blocks of speeds.
+        decay: (2, n_filter, n_mode) of one speed; (n_speed, 2, n_filter, n_mode) of many.
         shapes: as `decay`.
-        gains: (n_filter,); (n_block, n_filter, LANES).
-        smooth_n: (n_filter, n_grid); (n_block, n_filter, n_grid, SPEEDS).
+        gains: (n_filter,); (n_speed, n_filter).
+        smooth_n: (n_filter, n_grid); (n_speed, n_filter, n_grid).
         floors_n: as `gains`.
     """
 

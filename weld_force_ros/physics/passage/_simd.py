@@ -1,4 +1,4 @@
-"""Thirty-two doubles as one value inside compiled code: sixteen speeds at two positions advance in one stream.
+"""Thirty-two doubles as one value inside compiled code: eight speeds at each of four places advance in one stream.
 
 LLVM does not vectorise the kernel's loops by itself (it cannot know that its arrays do not overlap). Here the vector is
 a type of its own: arithmetic, `load`, `store` and a few functions become LLVM vector instructions, which every
@@ -19,9 +19,9 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic, register_model
 from numba.np.arrayobj import make_array
 
-SPEEDS = 16
-LANES = 2 * SPEEDS
-QUARTER = LANES // 4
+SPEEDS = 8
+PLACES = 4
+LANES = PLACES * SPEEDS
 # As the kernel's scalar code: sums may be regrouped, NaN and infinity keep their meaning.
 _FLAGS = ("reassoc", "contract", "arcp", "nsz")
 
@@ -101,45 +101,43 @@ def store(typing, array, index, value):
 
 
 @intrinsic
-def load_two(typing, array, first, second):
-    """Return neighbours of a flat float64 array, half the lanes from SPEEDS x first, half from SPEEDS x second."""
+def load_four(typing, array, indices):
+    """Return neighbours of a flat float64 array, from SPEEDS x each of four indices on: a quarter of the lanes each."""
 
     def generate(context, builder, sig, args):
-        halves = [
-            builder.load(_neighbours(context, builder, sig.args[0], args[0], index, SPEEDS), align=8)
-            for index in args[1:]
+        kind, (flat, four) = sig.args[0], args
+        quarters = [
+            builder.load(_neighbours(context, builder, kind, flat, index, SPEEDS), align=8)
+            for index in cgutils.unpack_tuple(builder, four)
         ]
-        return builder.shuffle_vector(*halves, _mask(list(range(LANES))))
+        return _joined(builder, quarters)
 
-    return _doubles(array, types.intp, types.intp), generate
-
-
-@intrinsic
-def spread_two(typing, array, first, second):
-    """Return two numbers of a flat float64 array: `first` in half the lanes, `second` in the others."""
-
-    def generate(context, builder, sig, args):
-        pair = ir.Constant(ir.VectorType(ir.DoubleType(), 2), ir.Undefined)
-        for place, index in enumerate(args[1:]):
-            number = builder.load(_element(context, builder, sig.args[0], args[0], index))
-            pair = builder.insert_element(pair, number, ir.Constant(ir.IntType(32), place))
-        return builder.shuffle_vector(pair, pair, _mask([0] * SPEEDS + [1] * SPEEDS))
-
-    return _doubles(array, types.intp, types.intp), generate
+    return _doubles(array, indices), generate
 
 
 @intrinsic
-def spread_four(typing, array, first, second, third, fourth):
+def spread_four(typing, array, indices):
     """Return four numbers of a flat float64 array, each in a quarter of the lanes."""
 
     def generate(context, builder, sig, args):
-        numbers = ir.Constant(ir.VectorType(ir.DoubleType(), 4), ir.Undefined)
-        for place, index in enumerate(args[1:]):
-            number = builder.load(_element(context, builder, sig.args[0], args[0], index))
-            numbers = builder.insert_element(numbers, number, ir.Constant(ir.IntType(32), place))
-        return builder.shuffle_vector(numbers, numbers, _mask([lane // QUARTER for lane in range(LANES)]))
+        kind, (flat, four) = sig.args[0], args
+        nothing = ir.Constant(ir.VectorType(ir.DoubleType(), SPEEDS), ir.Undefined)
+        quarters = []
+        for index in cgutils.unpack_tuple(builder, four):
+            number = builder.load(_element(context, builder, kind, flat, index))
+            first = builder.insert_element(nothing, number, ir.Constant(ir.IntType(32), 0))
+            quarters.append(builder.shuffle_vector(first, nothing, _mask([0] * SPEEDS)))
+        return _joined(builder, quarters)
 
-    return _doubles(array, *4 * (types.intp,)), generate
+    return _doubles(array, indices), generate
+
+
+def _joined(builder, parts):
+    """Return four vectors as one."""
+    while len(parts) > 1:
+        both = _mask(list(range(2 * parts[0].type.count)))
+        parts = [builder.shuffle_vector(*parts[k : k + 2], both) for k in range(0, len(parts), 2)]
+    return parts[0]
 
 
 @intrinsic

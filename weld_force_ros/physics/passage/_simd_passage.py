@@ -1,4 +1,4 @@
-"""Compiled: passages at sixteen speeds and two places side by side, on one grid: a lane each. Common poles only."""
+"""Compiled: passages at eight speeds of each of four places side by side: a lane each. Common poles only."""
 
 from typing import NamedTuple
 
@@ -18,20 +18,32 @@ from weld_force_ros.physics.passage._contact import (
 )
 from weld_force_ros.physics.passage._simd import (
     LANES,
+    PLACES,
     SPEEDS,
     any_greater,
     double,
     load,
-    load_two,
+    load_four,
     magnitude,
     multiply_add,
     single,
     splat,
     spread_four,
-    spread_two,
     square_root,
     store,
     where_greater,
+)
+from weld_force_ros.physics.passage._simd_filters import advance_filters
+from weld_force_ros.physics.passage._simd_places import (
+    CHUNK,
+    ahead,
+    four_from,
+    put_in_lanes,
+    put_side_by_side,
+    row_of,
+    rows_of,
+    slots_of,
+    take_up,
 )
 
 # Rows of the working array that lanes are checked by.
@@ -41,18 +53,18 @@ _ROWS = 12
 _HARDLY_IN_CONTACT_N = 1.0
 
 
-class SpeedBlocks(NamedTuple):
-    """Blocks of sixteen speeds.
+class SpeedRows(NamedTuple):
+    """Tables with a row a speed.
 
     Attributes:
-        decay: (n_block, 2, n_mode, LANES), E.
+        decay: (n_speed, 2, n_mode), E.
         input_scale: as `decay`, takes a drive to the shape.
         drives: (n_grid, n_state), of all speeds.
-        gains: (n_block, n_grid, SPEEDS).
-        smooth_n: (n_block, n_grid, SPEEDS), force on smooth rail.
-        windows: (n_block, LANES), steps through which a transient has to have decayed.
-        run_outs: (n_block, LANES), most steps behind the weld.
-        dt_s: (n_block, LANES).
+        gains: (n_speed, n_grid).
+        smooth_n: (n_speed, n_grid), force on smooth rail.
+        windows: (n_speed,), steps through which a transient has to have decayed.
+        run_outs: (n_speed,), most steps behind the weld.
+        dt_s: (n_speed,).
         span: steps from sleeper to sleeper.
     """
 
@@ -67,19 +79,19 @@ class SpeedBlocks(NamedTuple):
     span: int
 
 
-class PlacePairs(NamedTuple):
-    """Pairs of places, each at a block of speeds.
+class Octets(NamedTuple):
+    """Eight speeds each at a place; four at a time fill the lanes.
 
     Attributes:
-        speed_blocks: (n_pair,), which block.
-        initial_states: (n_pair, n_state + 3, LANES), where the passages start.
-        starts: (n_pair, 2), grid point.
-        ends: (n_pair, 2), steps until the weld is behind.
+        speeds: (n_octet, SPEEDS), rows of the tables; the number of octets is a multiple of four.
+        initial_states: (n_octet / 4, n_state + 3, LANES), where the passages start.
+        starts: (n_octet,), grid point.
+        ends: (n_octet,), steps until the weld is behind.
         irregularity_m: (n_row, n), from the start on, zero beyond.
-        rows: (n_pair, 4), of the irregularity that each quarter of the lanes meets.
+        rows: (n_octet,), of the irregularity.
     """
 
-    speed_blocks: np.ndarray
+    speeds: np.ndarray
     initial_states: np.ndarray
     starts: np.ndarray
     ends: np.ndarray
@@ -87,81 +99,23 @@ class PlacePairs(NamedTuple):
     rows: np.ndarray
 
 
-@compiled(nogil=True, fastmath=FAST_MATH)
-def _advance_filters(filters: Filters, departures, filtered, levels, speed_block, j, k):
-    """Take the filters of a speed block over the last steps, since the last check, to grid points j and k.
-
-    All steps of one mode before the next, as so long its numbers stay in registers. Flat arrays of lanes: `departures`
-    from the smooth rail's force, with the one before these steps; `filtered` and `levels`, each filter's states and
-    five levels (see `_scalar_passage._add_level`), are moved on.
-    """
-    n_filters, n_modes, grid = filters.decay.shape[2], filters.decay.shape[3], filters.smooth_n.shape[2]
-    decays, shapes, gains, smooth = (
-        filters.decay.ravel(), filters.shapes.ravel(), filters.gains.ravel(), filters.smooth_n.ravel()
-    )  # fmt: skip
-    zero, block = splat(0.0), np.empty(CHECK_EVERY_STEPS * LANES)
-    first, first_other = (j - CHECK_EVERY_STEPS + 1) % grid, (k - CHECK_EVERY_STEPS + 1) % grid
-    for q in range(n_filters):
-        row = speed_block * n_filters + q
-        gain, at, at_other = load(gains, row), first, first_other
-        for n in range(CHECK_EVERY_STEPS):
-            settled = load_two(smooth, row * grid + at, row * grid + at_other)
-            store(block, n, multiply_add(gain, load(departures, n + 1), settled))
-            at = at + 1 if at + 1 < grid else 0
-            at_other = at_other + 1 if at_other + 1 < grid else 0
-        for p in range(n_modes * q, n_modes * q + n_modes):
-            real = 2 * n_filters * n_modes * speed_block + p
-            imag = n_filters * n_modes * (2 * speed_block + 1) + p
-            decay_re, decay_im, shape_re = load(decays, real), load(decays, imag), load(shapes, real)
-            minus_decay_im, minus_shape_im = zero - decay_im, zero - load(shapes, imag)
-            re, im = load(filtered, 2 * p), load(filtered, 2 * p + 1)
-            for n in range(CHECK_EVERY_STEPS):
-                new_re = multiply_add(decay_re, re, multiply_add(minus_decay_im, im, load(departures, n)))
-                im = multiply_add(decay_re, im, decay_im * re)
-                re = new_re
-                store(block, n, multiply_add(shape_re, re, multiply_add(minus_shape_im, im, load(block, n))))
-            store(filtered, 2 * p, re)
-            store(filtered, 2 * p + 1, im)
-        _add_levels(levels, q, block)
-
-
 @compiled(nogil=True, fastmath=FAST_MATH, inline="always")
-def _add_levels(levels, q, block):
-    """Move filter q's levels on by the samples of `block`."""
-    before, level, top_before = load(levels, 5 * q), load(levels, 5 * q + 1), load(levels, 5 * q + 2)
-    top, top_after = load(levels, 5 * q + 3), load(levels, 5 * q + 4)
-    for n in range(CHECK_EVERY_STEPS):
-        after = load(block, n)
-        top_before = where_greater(level, top, before, top_before)
-        top_after = where_greater(level, top, after, top_after)
-        top = where_greater(level, top, level, top)
-        before, level = level, after
-    store(levels, 5 * q, before)
-    store(levels, 5 * q + 1, level)
-    store(levels, 5 * q + 2, top_before)
-    store(levels, 5 * q + 3, top)
-    store(levels, 5 * q + 4, top_after)
-
-
-@compiled(nogil=True, fastmath=FAST_MATH, inline="always")
-def _advance_rail(
-    rail, force, irregularity, decays, input_scales, real_row, imag_row, drives, n_state, j, k, j_ahead, k_ahead
-):
+def _advance_rail(rail, force, irregularity, decays, input_scales, drives, n_state, here, there):
     """Take the rail's states a step on.
 
     Return the sums of their real and imaginary parts, which the displacement is the difference of, the first with
     the irregularity added.
     """
-    zero = splat(0.0)
+    zero, n_modes = splat(0.0), n_state // 2
     displacement_re, displacement_im = irregularity, zero
-    for p in range(n_state // 2):
+    for p in range(n_modes):
         re, im = load(rail, 2 * p), load(rail, 2 * p + 1)
-        decay_re, decay_im = load(decays, real_row + p), load(decays, imag_row + p)
-        scale_re, scale_im = load(input_scales, real_row + p), load(input_scales, imag_row + p)
-        here_re = spread_two(drives, j * n_state + 2 * p, k * n_state + 2 * p)
-        here_im = spread_two(drives, j * n_state + 2 * p + 1, k * n_state + 2 * p + 1)
-        there_re = spread_two(drives, j_ahead * n_state + 2 * p, k_ahead * n_state + 2 * p)
-        there_im = spread_two(drives, j_ahead * n_state + 2 * p + 1, k_ahead * n_state + 2 * p + 1)
+        decay_re, decay_im = load(decays, p), load(decays, n_modes + p)
+        scale_re, scale_im = load(input_scales, p), load(input_scales, n_modes + p)
+        here_re = spread_four(drives, row_of(here, n_state, 2 * p))
+        here_im = spread_four(drives, row_of(here, n_state, 2 * p + 1))
+        there_re = spread_four(drives, row_of(there, n_state, 2 * p))
+        there_im = spread_four(drives, row_of(there, n_state, 2 * p + 1))
         new_re = multiply_add(decay_re, re, multiply_add(zero - decay_im, im, here_re * force))
         new_im = multiply_add(decay_re, im, multiply_add(decay_im, re, here_im * force))
         store(rail, 2 * p, new_re)
@@ -196,7 +150,7 @@ def _square_root_of_indentation(gap, stiffness):
 
 
 @compiled(nogil=True, fastmath=FAST_MATH)
-def _note_extremes(forces, departures, smooth, working, grid_row, n_grid, j, k, first):
+def _note_extremes(forces, departures, smooth, working, slots, n_grid, at, first):
     """Take the extremes in `working` over the last steps, since the last check.
 
     Peaks, and steps without contact, are looked for one by one where a step among them can be one: in few.
@@ -204,12 +158,11 @@ def _note_extremes(forces, departures, smooth, working, grid_row, n_grid, j, k, 
     Args:
         forces: flat, of lanes: two before these steps, and theirs.
         departures: from the smooth rail's force, one before these steps, and theirs, which are filled in.
-        smooth: flat, of half the lanes.
+        smooth: flat, of four slots.
         working: whose rows are moved on.
-        grid_row: first row of the span in `smooth`.
+        slots: those of the four places.
         n_grid: rows of the span.
-        j: grid point before these steps, of half of the lanes.
-        k: of the other half.
+        at: four grid points before these steps.
         first: number of steps before these.
 
     Returns:
@@ -224,9 +177,8 @@ def _note_extremes(forces, departures, smooth, working, grid_row, n_grid, j, k, 
         least = where_greater(least, after, after, least)
         difference = magnitude(before - two * force + after)
         second_difference = where_greater(difference, second_difference, difference, second_difference)
-        j = j + 1 if j + 1 < n_grid else 0
-        k = k + 1 if k + 1 < n_grid else 0
-        departure = after - load_two(smooth, grid_row + j, grid_row + k)
+        at = ahead(at, n_grid)
+        departure = after - load_four(smooth, rows_of(slots, n_grid, at))
         store(departures, n + 1, departure)
         amplitude = magnitude(departure)
         swing = where_greater(amplitude, swing, amplitude, swing)
@@ -294,15 +246,24 @@ def _write_end(lane, n, working, filtered, levels, n_filters, row):
 
 
 @compiled(nogil=True, fastmath=FAST_MATH)
-def peaks_in_lanes(pairs: PlacePairs, blocks: SpeedBlocks, filters: Filters, physics, negligible_n, results):
-    """Simulate passages as `_scalar_passage.peaks_at_speed` does, with its results: (n_pair, LANES, 6 + n_end)."""
-    n_grid, n_state = blocks.drives.shape
-    n_modes, irregular = n_state // 2, pairs.irregularity_m.shape[1]
-    decays, input_scales = blocks.decay.ravel(), blocks.input_scale.ravel()
-    drives, gain_rows, smooth_rows = blocks.drives.ravel(), blocks.gains.ravel(), blocks.smooth_n.ravel()
-    irregularities, all_dts, filter_rows = pairs.irregularity_m.ravel(), blocks.dt_s.ravel(), filters.smooth_n.ravel()
+def peaks_in_lanes(octets: Octets, tables: SpeedRows, filters: Filters, physics, negligible_n, results):
+    """Simulate passages as `_scalar_passage.peaks_at_speed` does, with its results: (n_octet, SPEEDS, 6 + n_end)."""
+    n_grid, n_state = tables.drives.shape
+    irregular = octets.irregularity_m.shape[1]
+    drives, irregularities = tables.drives.ravel(), octets.irregularity_m.ravel()
     n_filters = filters.decay.shape[2]
-    filtered, levels = np.empty(2 * n_filters * filters.decay.shape[3] * LANES), np.empty(5 * n_filters * LANES)
+    n_filter_modes = n_filters * filters.decay.shape[3]
+    gains, smooth = np.empty(n_grid * LANES), np.empty(n_grid * LANES)
+    at_hand, speeds = np.full(LANES, -1), np.empty(LANES, np.int64)
+    filtered, levels = np.empty(2 * n_filter_modes * LANES), np.empty(5 * n_filters * LANES)
+    decays, input_scales, dts = np.empty(n_state * LANES), np.empty(n_state * LANES), np.empty(LANES)
+    own_filters = Filters(
+        np.empty(2 * n_filter_modes * LANES), np.empty(2 * n_filter_modes * LANES), np.empty(n_filters * LANES),
+        np.empty(n_filters * n_grid * LANES), np.empty(n_filters * LANES),
+    )  # fmt: skip
+    along = tables.gains.ravel(), tables.smooth_n.ravel(), filters.smooth_n.ravel()
+    side_by_side = gains, smooth, own_filters.smooth_n
+    is_there = np.zeros((PLACES, max(1, n_grid // CHUNK)), np.bool_)
     departures, forces = np.empty((CHECK_EVERY_STEPS + 1) * LANES), np.empty((CHECK_EVERY_STEPS + 2) * LANES)
     smooth_high, smooth_low = np.empty(LANES), np.empty(LANES)
     rail, working = np.empty(n_state * LANES), np.empty(_ROWS * LANES)
@@ -311,17 +272,24 @@ def peaks_in_lanes(pairs: PlacePairs, blocks: SpeedBlocks, filters: Filters, phy
     zero = splat(0.0)
     half, third = splat(0.5), splat(1.0 / 3.0)
     load_n, hertz = splat(physics[1]), splat(physics[2])
-    for i in range(pairs.speed_blocks.shape[0]):
-        block = pairs.speed_blocks[i]
-        real_row, imag_row, grid_row = 2 * n_modes * block, (2 * block + 1) * n_modes, n_grid * block
-        dt = load(all_dts, block)
+    for i in range(octets.initial_states.shape[0]):
+        first = PLACES * i
+        copy(octets.speeds[first : first + PLACES].ravel(), speeds)
+        slots, rows = slots_of(speeds), four_from(octets.rows, first)
+        take_up(speeds, slots, at_hand, is_there)
+        put_in_lanes(tables.decay, speeds, decays)
+        put_in_lanes(tables.input_scale, speeds, input_scales)
+        put_in_lanes(tables.dt_s, speeds, dts)
+        put_in_lanes(filters.decay, speeds, own_filters.decay)
+        put_in_lanes(filters.shapes, speeds, own_filters.shapes)
+        put_in_lanes(filters.gains, speeds, own_filters.gains)
+        put_in_lanes(filters.floors_n, speeds, own_filters.floors_n)
+        dt = load(dts, 0)
         dt_over_mass = dt / splat(physics[0])
         own = dt * dt_over_mass * splat(1.0 / 6.0)
-        for speed in range(SPEEDS):
-            high, low = extremes(blocks.smooth_n[block, :, speed])
-            smooth_high[speed], smooth_high[speed + SPEEDS] = high, high
-            smooth_low[speed], smooth_low[speed + SPEEDS] = low, low
-        initial = pairs.initial_states[i].ravel()
+        for lane in range(LANES):
+            smooth_high[lane], smooth_low[lane] = extremes(tables.smooth_n[speeds[lane]])
+        initial = octets.initial_states[i].ravel()
         copy(initial[: n_state * LANES], rail)
         wheel, velocity, force = load(initial, n_state), load(initial, n_state + 1), load(initial, n_state + 2)
         for s in range(_ROWS):
@@ -331,59 +299,57 @@ def peaks_in_lanes(pairs: PlacePairs, blocks: SpeedBlocks, filters: Filters, phy
         store(forces, CHECK_EVERY_STEPS, force)
         store(forces, CHECK_EVERY_STEPS + 1, force)
         for lane in range(LANES):
-            next_checks[lane] = pairs.ends[i, lane // SPEEDS] + blocks.windows[block, lane]
+            window = tables.windows[speeds[lane]]
+            next_checks[lane] = octets.ends[first + lane // SPEEDS] + window
             quiet_checks[lane] = next_checks[lane]
             if n_filters == 0:
-                quiet_checks[lane] -= blocks.windows[block, lane] - blocks.windows[block, lane] // 2
+                quiet_checks[lane] -= window - window // 2
             active[lane], ended[lane] = True, False
         n_active = LANES
-        j, k = pairs.starts[i, 0] % n_grid, pairs.starts[i, 1] % n_grid
-        row_a, row_b, row_c, row_d = pairs.rows[i, 0], pairs.rows[i, 1], pairs.rows[i, 2], pairs.rows[i, 3]
+        here = (
+            octets.starts[first] % n_grid, octets.starts[first + 1] % n_grid, octets.starts[first + 2] % n_grid,
+            octets.starts[first + 3] % n_grid,
+        )  # fmt: skip
+        put_side_by_side(along, n_grid, at_hand, slots, here, 0, is_there, side_by_side)
         filtered[:] = 0.0
         for q in range(n_filters):
-            row = (block * n_filters + q) * n_grid
+            settled = load_four(own_filters.smooth_n, rows_of(row_of(slots, n_filters, q), n_grid, here))
             for s in range(5):
-                store(levels, 5 * q + s, load_two(filter_rows, row + j, row + k))
-        store(departures, 0, force - load_two(smooth_rows, grid_row + j, grid_row + k))
+                store(levels, 5 * q + s, settled)
+        store(departures, 0, force - load_four(smooth, rows_of(slots, n_grid, here)))
         n = 0
         while n_active > 0:
             copy(forces[CHECK_EVERY_STEPS * LANES :], forces[: 2 * LANES])
-            j_first, k_first = j, k
+            before = here
+            if n % CHUNK == 0:
+                put_side_by_side(along, n_grid, at_hand, slots, here, CHUNK, is_there, side_by_side)
             for m in range(CHECK_EVERY_STEPS):
                 n += 1
-                j_ahead = j + 1 if j + 1 < n_grid else 0
-                k_ahead = k + 1 if k + 1 < n_grid else 0
+                there = ahead(here, n_grid)
                 irregularity = zero
                 if n < irregular:
-                    irregularity = spread_four(
-                        irregularities, row_a * irregular + n, row_b * irregular + n, row_c * irregular + n,
-                        row_d * irregular + n,
-                    )  # fmt: skip
+                    irregularity = spread_four(irregularities, row_of(rows, irregular, n))
                 displacement_re, displacement_im = _advance_rail(
-                    rail, force, irregularity, decays, input_scales, real_row, imag_row, drives, n_state, j, k, j_ahead,
-                    k_ahead,
-                )  # fmt: skip
+                    rail, force, irregularity, decays, input_scales, drives, n_state, here, there
+                )
                 free_wheel = multiply_add(
                     dt, multiply_add(dt_over_mass, half * load_n - third * force, velocity), wheel
                 )  # fmt: skip
                 gap = free_wheel - displacement_re + displacement_im
                 gap = where_greater(gap, zero, gap, zero)
-                stiffness = (load_two(gain_rows, grid_row + j_ahead, grid_row + k_ahead) + own) * hertz
+                stiffness = (load_four(gains, rows_of(slots, n_grid, there)) + own) * hertz
                 root = _square_root_of_indentation(gap, stiffness)
                 after = where_greater(gap, zero, hertz * root * root * root, zero)
                 wheel = free_wheel - own * after
                 velocity = multiply_add(dt_over_mass, load_n - half * (force + after), velocity)
                 store(forces, m + 2, after)
-                force = after
-                j, k = j_ahead, k_ahead
-            swing = _note_extremes(
-                forces, departures, smooth_rows, working, grid_row, n_grid, j_first, k_first, n - CHECK_EVERY_STEPS
-            )
+                force, here = after, there
+            swing = _note_extremes(forces, departures, smooth, working, slots, n_grid, before, n - CHECK_EVERY_STEPS)
             store(working, _WHEEL, wheel)
             store(working, _WHEEL + 1, velocity)
             store(working, _WHEEL + 2, force)
             if n_filters > 0:
-                _advance_filters(filters, departures, filtered, levels, block, j, k)
+                advance_filters(own_filters, n_filters, n_grid, departures, filtered, levels, slots, before)
                 copy(departures[CHECK_EVERY_STEPS * LANES :], departures[:LANES])
             else:
                 rise = load(working, _TOP) - load(smooth_high, 0)
@@ -394,7 +360,8 @@ def peaks_in_lanes(pairs: PlacePairs, blocks: SpeedBlocks, filters: Filters, phy
             for lane in range(LANES):
                 if not active[lane] or n < quiet_checks[lane]:
                     continue
-                end, window, quiet = pairs.ends[i, lane // SPEEDS], blocks.windows[block, lane], False
+                octet, speed = first + lane // SPEEDS, lane % SPEEDS
+                end, window, quiet = octets.ends[octet], tables.windows[speeds[lane]], False
                 if n_filters == 0:
                     quiet_from = max(end, int(working[_LOUD * LANES + lane])) + window // 2
                     quiet = n >= quiet_from
@@ -402,21 +369,21 @@ def peaks_in_lanes(pairs: PlacePairs, blocks: SpeedBlocks, filters: Filters, phy
                         quiet_checks[lane] = min(quiet_from, next_checks[lane])
                         continue
                 seen = working[_TRANSIENT * LANES + lane]
-                a_span_behind, run_out_over = n >= end + blocks.span, n >= end + blocks.run_outs[block, lane]
+                a_span_behind, run_out_over = n >= end + tables.span, n >= end + tables.run_outs[speeds[lane]]
                 decayed = quiet or transient_decayed(
                     seen, working[_TOP * LANES + lane], working[_LEAST * LANES + lane], smooth_high[lane],
                     smooth_low[lane], negligible_n, a_span_behind,
                 )  # fmt: skip
                 if not ended[lane] and (decayed or run_out_over):
                     ended[lane] = True
-                    _write_extremes(lane, working, blocks.dt_s[block, lane], results[i, lane])
+                    _write_extremes(lane, working, dts[lane], results[octet, speed])
                 for q in range(n_filters):
-                    highest, floor = levels[(5 * q + 3) * LANES + lane], filters.floors_n[block, q, lane]
+                    highest, floor = levels[(5 * q + 3) * LANES + lane], own_filters.floors_n[q * LANES + lane]
                     decayed = decayed and filtered_transient_decayed(seen, highest, floor, negligible_n, a_span_behind)
                 if ended[lane] and (decayed or run_out_over):
                     active[lane] = False
                     n_active -= 1
-                    _write_end(lane, n, working, filtered, levels, n_filters, results[i, lane])
+                    _write_end(lane, n, working, filtered, levels, n_filters, results[octet, speed])
                 else:
                     next_checks[lane] = n + window
                     quiet_checks[lane] = n + 1 if n_filters == 0 else next_checks[lane]

@@ -16,7 +16,6 @@ impulse M v with the moment -M w about the end. A state q = (E b + a) u + b f go
 the greatest may come then, after the passage.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,13 +23,15 @@ import scipy  # loads its slow parts, such as signal, where they are first used
 from numpy.typing import NDArray
 
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
+from weld_force_ros.physics.passage._later import add_later
 from weld_force_ros.physics.passage.state_space import first_order_hold
-from weld_force_ros.physics.passage.steady_state import SteadyState
 
 WHEELSET_HZ = 57.0  # its lowest resonance on the track
 BETWEEN_RESONANCES_HZ = 120.0  # that one and the next, some 250 Hz
 CUTOFFS_HZ = (BETWEEN_RESONANCES_HZ, 20.0)
 ORDER = 4
+UNFILTERED = 6
+"""Results of a passage without filters."""
 _LATER = 16  # times at which to look after a passage
 _FADING = 0.8  # of a cutoff's period: when the last of them is
 
@@ -46,7 +47,6 @@ class LowPass(NamedTuple):
         smooth_greatest_n: (n_speed, n_filter), of it.
         floors_n: (n_speed, n_filter), the level that a transient still rises from, for filters that let it pass: the
             greatest on smooth rail; minus infinity for slow filters, which no passage goes on for.
-        smooth_wheel: (n_speed, n_grid, 3), as `SteadyState`.
         later: (n_speed, ORDER n_slow + 3, n_slow, n_time), departure after a passage per state u, then per
             displacement, velocity and force of the wheel, of the slow filters.
         steps: (n_speed, n_slow, n_time), when that is, in steps after the end.
@@ -58,19 +58,25 @@ class LowPass(NamedTuple):
     smooth_n: FloatArray
     smooth_greatest_n: FloatArray
     floors_n: FloatArray
-    smooth_wheel: FloatArray
     later: FloatArray
     steps: NDArray[np.int64]
 
 
-def low_pass(steady_states: Sequence[SteadyState], mass_kg: float, cutoffs_hz: tuple[float, ...]) -> LowPass:
-    """Return filters for a wheel of `mass_kg` at several speeds of one stride."""
-    dt = np.array([steady_state.dt_s for steady_state in steady_states])[:, None, None]
+def low_pass(dt_s: FloatArray, smooth_wheel: FloatArray, mass_kg: float, cutoffs_hz: tuple[float, ...]) -> LowPass:
+    """Return filters for a wheel at several speeds.
+
+    Args:
+        dt_s: (n_speed,), of a step.
+        smooth_wheel: (n_speed, n_grid, 3), as `SteadyState` has it.
+        mass_kg: of the wheel.
+        cutoffs_hz: (n_filter,).
+    """
+    dt = dt_s[:, None, None]
     poles, residues = _modes(cutoffs_hz)
     decay, old, new = first_order_hold(poles, dt)
     input_scale = decay * new + old
     shapes, gains = 2 * residues * input_scale, (2 * residues * new).real.sum(axis=2)
-    smooth_n = _periodic(decay, shapes, gains, np.stack([steady_state.smooth_n for steady_state in steady_states]))
+    smooth_n = _periodic(decay, shapes, gains, smooth_wheel[:, :, 2])
     cutoffs = np.array(cutoffs_hz)[:, None]
     is_slow = cutoffs[:, 0] < WHEELSET_HZ
     steps = np.rint(_FADING / cutoffs[is_slow] * np.linspace(0.0, 1.0, _LATER) / dt).astype(np.int64)
@@ -83,44 +89,48 @@ def low_pass(steady_states: Sequence[SteadyState], mass_kg: float, cutoffs_hz: t
         smooth_n=smooth_n,
         smooth_greatest_n=smooth_n.max(axis=2),
         floors_n=np.where(is_slow, -np.inf, smooth_n.max(axis=2)),
-        smooth_wheel=np.stack([steady_state.smooth_wheel for steady_state in steady_states]),
         later=np.concatenate([_of_states(input_scale[:, is_slow], swing), wheel], axis=1),
         steps=steps,
     )
 
 
-def greatest(
+def result_columns(filters: LowPass) -> int:
+    """Return how many results compiled passages have: unfiltered, of filters, and their states and wheel at the end."""
+    count = filters.gains.shape[1]
+    return UNFILTERED + (count * (1 + ORDER) + 3 if count else 0)
+
+
+def with_filters(
     filters: LowPass,
+    smooth_wheel: FloatArray,
     speeds: NDArray[np.intp],
-    seen_n: FloatArray,
-    ends: NDArray[np.int64],
-    endings: FloatArray,
+    starts: NDArray[np.int64],
+    found: FloatArray,
 ) -> FloatArray:
-    """Return the greatest low-passed force of passages, during them or later, at least that on smooth rail.
+    """Return results of passages with the greatest low-passed forces during them or later, at least on smooth rail.
 
     Args:
         filters: of all speeds.
-        speeds: (n_speed,), indices of those that the passages have.
-        seen_n: (n_speed, n_position, n_filter), greatest during the passage.
-        ends: (n_speed, n_position), step of the span at which it ended.
-        endings: (n_speed, n_position, ORDER n_filter + 3), states u and the wheel there.
+        smooth_wheel: (n_speed, n_grid, 3), as `SteadyState` has it.
+        speeds: (n,), indices of those that the passages have.
+        starts: (n,), step of the span at which they began.
+        found: (n, n_column), of the compiled passages.
 
     Returns:
-        (n_speed, n_position, n_filter).
+        (n, UNFILTERED + n_filter).
     """
-    found = np.maximum(seen_n, filters.smooth_greatest_n[speeds, None])
-    is_slow = np.isneginf(filters.floors_n).all(axis=0)
-    if not is_slow.any():
-        return found
-    _, states, kinds, times = filters.later.shape
-    grid, speed = filters.smooth_n.shape[2], speeds[:, None]
-    departure = endings[..., np.append(np.repeat(is_slow, ORDER), [True, True, True])]
-    departure[..., -3:] -= filters.smooth_wheel[speed, ends]
-    later = (departure @ filters.later[speeds].reshape(-1, states, kinds * times)).reshape(*ends.shape, kinds, times)
-    at = (ends[:, :, None, None] + filters.steps[speeds, None]) % grid
-    later += filters.smooth_n[speed[:, :, None, None], np.flatnonzero(is_slow)[:, None], at]
-    found[..., is_slow] = np.maximum(found[..., is_slow], later.max(axis=3))
-    return found
+    shown = UNFILTERED + filters.gains.shape[1]
+    results = found[:, :shown].copy()
+    if shown > UNFILTERED:
+        grid, is_slow = filters.smooth_n.shape[2], np.isneginf(filters.floors_n[speeds[:1]]).all(axis=0)
+        ends = (starts + found[:, 5].astype(np.int64)) % grid
+        endings = np.ascontiguousarray(found[:, shown:][:, np.append(np.repeat(is_slow, ORDER), [True, True, True])])
+        endings[:, -3:] -= smooth_wheel[speeds, ends]
+        low = np.maximum(found[:, UNFILTERED:shown], filters.smooth_greatest_n[speeds])
+        slow = np.flatnonzero(is_slow)
+        add_later(speeds, ends, endings, slow, filters.smooth_n, filters.later, filters.steps, low)
+        results[:, UNFILTERED:] = low
+    return results
 
 
 def low_passed(force_n: FloatArray, dt_s: float) -> FloatArray:

@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 from weld_force_ros.errors import InputError, NumericalError
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.passage import _scalar_passage
-from weld_force_ros.physics.passage.batch import TRANSIENT_WINDOW_S, Selection
+from weld_force_ros.physics.passage.batch import Selection
 from weld_force_ros.physics.passage.peak_map import TOLERANCE, PeakMap, PeakMapSolver
+from weld_force_ros.physics.passage.speed_tables import TRANSIENT_WINDOW_S
 from weld_force_ros.physics.passage.state_space import StateModel
 from weld_force_ros.physics.passage.steady_state import SteadyStateSolver
 from weld_force_ros.physics.passage.wheel import Wheel

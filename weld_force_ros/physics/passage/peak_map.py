@@ -9,7 +9,6 @@ simulated beside it.
 
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cache
 
@@ -26,9 +25,8 @@ from weld_force_ros.physics.threads import executor
 
 TOLERANCE = 5e-4  # of the peak force
 _ESTIMATE = 1 / 12  # of the second difference: a linear force's mean distance from a parabola, over a step
-_SPEEDS_AT_ONCE = 128  # whose tables are made before their passages
-_UNFILTERED = 4
-_WORKING = (4, 5)  # columns of `Batch.peaks` that are no result
+WORKING = (4, 5)
+"""Columns of `Batch.peaks` that are no result."""
 _MOST_REMEMBERED = 16  # batches: a map's and its curve's; up to 10 MB each, dense ones of short steps up to 200 MB
 
 
@@ -91,61 +89,67 @@ class PeakMapSolver:
         """
         positions = np.broadcast_to(positions_m, (len(wheel_paths), np.shape(positions_m)[-1]))
         shape = (len(speeds_kmh), positions.size)
-        chosen = np.ones(shape, dtype=bool) if selected is None else selected.reshape(shape)
         order = np.argsort(speeds_kmh)  # neighbours are simulated together, as they take as long
+        chosen = np.ones(shape, dtype=bool) if selected is None else selected.reshape(shape)[order]
+        speeds, places = np.nonzero(chosen)
         cutoffs_hz = CUTOFFS_HZ if low_passed else ()
-        results = np.empty((*shape, _UNFILTERED + len(cutoffs_hz)))
-        for first in range(0, len(order), _SPEEDS_AT_ONCE):
-            rows = order[first : first + _SPEEDS_AT_ONCE]
-            results[rows] = self._solve_speeds(
-                wheel_paths, speeds_kmh[rows], positions, chosen[rows], cutoffs_hz, tolerance, on_speed,
-                self._pool(threads), threads,
-            )  # fmt: skip
-        if not np.all(np.isfinite(results[chosen])):
+        found = self._simulated(
+            wheel_paths, speeds_kmh[order], positions, speeds, places, threads, cutoffs_hz, tolerance, on_speed
+        )
+        if not np.all(np.isfinite(found)):
             raise NumericalError("a passage did not stay finite; the fit of this track cannot be used at that speed")
+        results = np.full((*shape, found.shape[1]), np.nan)
+        results[order[speeds], places] = found
         return [PeakMap.of(part) for part in np.split(results, len(wheel_paths), axis=1)]
 
-    def _solve_speeds(
+    def _simulated(
         self,
         wheel_paths: Sequence[WheelPath],
         speeds_kmh: FloatArray,
         positions_m: FloatArray,
-        chosen: Selection,
+        speeds: NDArray[np.intp],
+        places: NDArray[np.intp],
+        threads: int,
         cutoffs_hz: tuple[float, ...],
         tolerance: float,
         on_speed: Callable[[], None],
-        pool: Executor,
-        threads: int,
     ) -> FloatArray:
-        """Return (n_speed, n_place, 4 + n_filter), speeds increasing; each in the longest stride that serves."""
-        coarsest = np.array([self._solver.coarsest_stride(speed) for speed in speeds_kmh])
-        wanted = np.where(chosen, coarsest[:, None], 0)
-        results = np.full((*wanted.shape, 6 + len(cutoffs_hz)), np.nan)
-        while wanted.any():
-            stride = int(wanted.max())
-            able = coarsest >= stride  # the same speeds whatever is selected, so that their tables serve again
-            selected = wanted == stride
-            places = passage_starts(self._solver, wheel_paths, positions_m, stride)
-            batch = self._batch(stride, speeds_kmh[able], pool)
-            found = batch.peaks(places, selected[able], pool, threads, cutoffs_hz)[selected[able]]
-            found[:, 1] = (places.starts[np.nonzero(selected)[1]] + stride * found[:, 1]) * self._solver.grid_m
-            results[selected] = found
-            wanted[selected] = _finer(stride, found, tolerance)
-            done = selected.any(axis=1) & ~wanted.any(axis=1)
-            for _ in np.flatnonzero(done):
-                on_speed()
-        return np.delete(results, _WORKING, axis=2)
+        """Return (n, 4 + n_filter) of passages, each in the longest stride that serves.
 
-    def _batch(self, stride: int, speeds_kmh: FloatArray, pool: Executor) -> Batch:
-        """Return a batch's tables, remembered: the next weld is likely to be simulated at the same speeds."""
+        Args:
+            wheel_paths: (n_weld,).
+            speeds_kmh: (n_speed,), increasing.
+            positions_m: (n_weld, n_position).
+            speeds: (n,), indices.
+            places: (n,), indices of positions, row-major.
+            threads: as of `solve`, as the following.
+            cutoffs_hz: of filters.
+            tolerance: of the peak force.
+            on_speed: called for each speed that is done.
+        """
+        strides = np.array([self._solver.coarsest_stride(speed) for speed in speeds_kmh])[speeds]
+        results, pool = np.empty((len(speeds), 6 + len(cutoffs_hz))), self._pool(threads)
+        while stride := int(strides.max(initial=0)):
+            now = np.flatnonzero(strides == stride)
+            begun = passage_starts(self._solver, wheel_paths, positions_m, stride)
+            batch = self._batch(stride, speeds_kmh)
+            found = batch.peaks(begun, speeds[now], places[now], pool, threads, cutoffs_hz)
+            found[:, 1] = (begun.starts[places[now]] + stride * found[:, 1]) * self._solver.grid_m
+            results[now] = found
+            strides[now] = _finer(stride, found, tolerance)
+            for _ in np.setdiff1d(speeds[now], speeds[strides > 0]):
+                on_speed()
+        return np.delete(results, WORKING, axis=1)
+
+    def _batch(self, stride: int, speeds_kmh: FloatArray) -> Batch:
+        """Return a batch, remembered with its tables: the next weld is likely to be simulated at the same speeds."""
         key = (stride, speeds_kmh.tobytes())
-        batch = self._remembered.get(key)
-        if batch is None:
-            batch = make_batch(self._solver, speeds_kmh, stride, pool)
-            with self._remembering:
+        with self._remembering:
+            batch = self._remembered.get(key)
+            if batch is None:
                 if len(self._remembered) >= _MOST_REMEMBERED:
                     self._remembered.clear()
-                self._remembered[key] = batch
+                batch = self._remembered[key] = make_batch(self._solver, speeds_kmh, stride)
         return batch
 
 

@@ -5,6 +5,7 @@ of a speed share that state.
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -59,6 +60,16 @@ class SteadyStateSolver:
         strides, most = self.grid // self.longest_stride, 1 if model.uniform else _WINDOW_STRIDES
         self.start_every = self.longest_stride * next(k for k in range(most, 0, -1) if strides % k == 0)
         self.physics = np.array([wheel.mass_kg, wheel.static_load_n, wheel.hertz_n_per_m15])
+        self._some_step = cache(lambda stride: model.propagation(self._grid_m(stride), LONGEST_STEP_S))
+
+    @property
+    def is_dense(self) -> bool:
+        """Return whether the rail's states do not come in pairs of their own."""
+        return len(self._some_step(self.longest_stride).transitions) > 0
+
+    def drives(self, stride: int) -> FloatArray:
+        """Return the drives of states in pairs, which are those of all speeds: (n_grid, n_state)."""
+        return np.asarray(self._some_step(stride).drives)
 
     def start(self, first_m: float) -> int:
         """Return the grid point, one that every stride meets, at or before a place."""
@@ -83,7 +94,7 @@ class SteadyStateSolver:
         """
         step_m = stride * self.grid_m
         dt = step_m / (speed_kmh / 3.6)
-        step = self.model.propagation(step_m * np.arange(self.grid // stride), dt)
+        step = self.model.propagation(self._grid_m(stride), dt)
         load = self.wheel.static_load_n
         # From static deflection over the sleeper.
         rail = step.at_rest * load
@@ -97,6 +108,10 @@ class SteadyStateSolver:
             raise NumericalError(f"the force on smooth rail does not settle at {speed_kmh:g} km/h; fit the track anew")
         starts = states[:: self.start_every // stride].copy()
         return SteadyState(stride, dt, step, starts, states[:, -1].copy(), states[:, -3:].copy())
+
+    def _grid_m(self, stride: int) -> FloatArray:
+        """Return the places of all steps of the period, (n_grid,)."""
+        return stride * self.grid_m * np.arange(self.grid // stride)
 
     def initial_state(self, steady_state: SteadyState, start: int) -> FloatArray:
         """Return the state at a start, (n_state + 3,)."""
