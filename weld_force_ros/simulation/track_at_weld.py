@@ -124,6 +124,8 @@ class TracksAtWelds:
                 "engine rfp describes tracks on which all supports are alike",
                 "use common-poles or reference where a weld states its support",
             )
+        if self._settings.poles == "moving":
+            return fit_store.fitted_moving_window(self._definition, supports, on_fit=self._on_fit)
         return fit_store.fitted_window(self._definition, supports, on_fit=self._on_fit)
 
     def _sampler(self, supports: LocalSupports | None) -> Sampler | None:
@@ -131,7 +133,7 @@ class TracksAtWelds:
         if not isinstance(settings.uncertainty, Uncertainty):
             return None
         return Sampler(
-            self._definition, self._wheel, settings.uncertainty, supports,
+            self._definition, self._wheel, settings.uncertainty, supports, moving=settings.poles == "moving",
             patch_m=settings.patch_half_length_m, on_fit=self._on_fit, threads=self._threads,
         )  # fmt: skip
 
