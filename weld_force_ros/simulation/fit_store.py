@@ -187,8 +187,11 @@ def fitted_window(
         NumericalError: no usable fit was found.
     """
     check_window(definition.track, supports)
-    signed = moving and definition.moving
-    key, name = _window_key(definition, supports, "signs" if signed else None), definition.track.name
+    signed, name = moving and definition.moving, definition.track.name
+    if signed and (measured := _found(_window_key(definition, supports, "error"), _window_name(definition, supports))):
+        assert isinstance(measured, PolesFit), "windows are fitted by common poles"  # noqa: S101
+        return measured
+    key = _window_key(definition, supports, "signs" if signed else None)
     announcement = f"fitting track {name} with supports of its own, once: some ten seconds"
     fit = _kept(key, lambda: _make_window(definition, supports, key, signed=signed), announcement, on_fit)
     assert isinstance(fit, PolesFit), "windows are fitted by common poles"  # noqa: S101
@@ -218,10 +221,14 @@ def fitted_moving_window(
         return msgspec.structs.replace(fit, key=key, error=off)
 
     announcement = f"comparing track {track.name} with supports of its own with the reference, once: half a minute"
-    sleepers = ", ".join(f"{change.sleeper} x {change.below:g}" for change in supports.changes)
-    fit = _kept(key, make_fit, announcement, on_fit, bundled=f"{track.name}, sleepers {sleepers}.moving-poles")
+    fit = _kept(key, make_fit, announcement, on_fit, bundled=_window_name(definition, supports))
     assert isinstance(fit, PolesFit), "windows are fitted by common poles"  # noqa: S101
     return fit
+
+
+def _window_name(definition: TrackDefinition, supports: LocalSupports) -> str:
+    sleepers = ", ".join(f"{change.sleeper} x {change.below:g}" for change in supports.changes)
+    return f"{definition.track.name}, sleepers {sleepers}.moving-poles"
 
 
 def _window_key(
@@ -243,15 +250,20 @@ def _kept(
     bundled: str | None = None,
 ) -> AnyFit:
     """Return the fit of that key: bundled, from the user's cache, or made now, announced, and kept there."""
-    if bundled is not None and (found := read(_DATA / "fits" / f"{bundled}.json", key)) is not None:
-        return found
-    if (found := read(_files.cache_folder("fits") / f"{key}.json", key)) is not None:
+    if (found := _found(key, bundled)) is not None:
         return found
     if on_fit:
         on_fit(announcement)
     fit = make_fit()
     keep(fit)
     return fit
+
+
+def _found(key: str, bundled: str | None) -> AnyFit | None:
+    """Return the fit of that key, bundled under a name or from the user's cache, if there is one."""
+    if bundled is not None and (found := read(_DATA / "fits" / f"{bundled}.json", key)) is not None:
+        return found
+    return read(_files.cache_folder("fits") / f"{key}.json", key)
 
 
 def check_window(track: Track, supports: LocalSupports) -> None:
