@@ -33,8 +33,9 @@ def model(track: str, supports: str, *, reference: bool) -> Model:
     definition, differing = track_file.load(track), local_supports(supports)
     if reference:
         return GreensFunctionModel(definition.track, definition.wheel, differing)
-    fit = fit_store.fitted(definition) if differing is None else fit_store.fitted_window(definition, differing)
-    return VehicleTrackModel(fit.model(), definition.wheel)
+    if differing is None:
+        return VehicleTrackModel(fit_store.fitted(definition).model(), definition.wheel)
+    return VehicleTrackModel(fit_store.fitted_window(definition, differing, moving=True).model(), definition.wheel)
 
 
 def error(of: Model, case: Case) -> float:

@@ -3,11 +3,13 @@
 import msgspec
 import numpy as np
 import pytest
+import scipy.stats
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from weld_force_ros.assessment import decision
 from weld_force_ros.assessment.coverage import LOWEST_KMH, uncomputed
 from weld_force_ros.assessment.judge import judge
 from weld_force_ros.assessment.rule_books import load_limits
@@ -227,3 +229,10 @@ def test_below_the_lowest_speed_no_bundled_weld_is_worse():
         below = np.array(force_map.speeds_kmh) < LOWEST_KMH
         assert peaks[below].max() <= peaks[~below].max()
         assert not uncomputed(relevant_range(force_map), BOTH.limits)
+
+
+def test_the_probability_of_a_normal_value_beyond_a_limit_is_that_of_scipy():
+    values, deviation = np.linspace(-9.0, 9.0, 37), np.full(37, 1.5)
+    found = decision._beyond(values, 0.5, deviation)
+    np.testing.assert_allclose(found, scipy.stats.norm.sf(0.5, values, deviation), rtol=1e-12)
+    np.testing.assert_array_equal(decision._beyond(values, 0.5, 0 * deviation), values > 0.5)

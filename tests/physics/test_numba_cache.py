@@ -186,7 +186,8 @@ print(weld_force_ros.__file__, len(importing.buffer), len(calling.buffer) > 0, f
 def test_the_package_starts_from_a_read_only_folder_without_a_home_and_compiles_nothing_on_import(tmp_path):
     copy = tmp_path / "weld_force_ros"
     shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    (copy / "physics" / "passage" / "__pycache__").touch()
+    for folder in (copy / "physics", copy / "physics" / "passage"):
+        (folder / "__pycache__").touch()
     environment = {k: v for k, v in os.environ.items() if k not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
     environment |= {"HOME": f"{os.devnull}/home", "PYTHONPATH": str(tmp_path)}
     done = subprocess.run(

@@ -7,12 +7,12 @@ carries the engine's fit error and the model uncertainty, of what no engine know
 with the probability that a normal deviation takes it there.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from msgspec import UNSET, UnsetType
-from scipy.special import ndtr
 
 from weld_force_ros.assessment.criteria import GEOMETRY_CRITERIA, value_at_rest
 from weld_force_ros.assessment.limits import Levels, decides, ratio
@@ -85,12 +85,15 @@ class Judged:
         return self.limit.name in GEOMETRY_CRITERIA
 
 
+_erfc = np.vectorize(math.erfc, otypes=[np.float64])  # SciPy's normal distribution costs more to import
+
+
 def _beyond(values: FloatArray, limit: float, deviation: FloatArray) -> FloatArray:
     certain = (values > limit).astype(np.float64)
-    if not np.isfinite(limit):
+    if not np.isfinite(limit) or not np.any(deviation > 0):
         return certain
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(deviation > 0, ndtr((values - limit) / deviation), certain)
+        return np.where(deviation > 0, 0.5 * _erfc((limit - values) / deviation / math.sqrt(2)), certain)
 
 
 def widened(values: FloatArray) -> FloatArray:

@@ -52,7 +52,7 @@ def fit(
         fit_store.keep(made)
     with json_output.lines(json) as target:
         json_output.write(target, made)
-    _show_fit(made)
+    _show_fit(made, moving=made.engine != "rfp" and definition.moving)
     if out:
         from weld_force_ros.report import figures
         from weld_force_ros.report.fit_figure import fit_figure
@@ -86,7 +86,7 @@ def _searched(definition: "TrackDefinition", search: "Search") -> "RfpFit":
         return fit_store.make_rfp(definition, search, on_generation=show)
 
 
-def _show_fit(made: "AnyFit") -> None:
+def _show_fit(made: "AnyFit", *, moving: bool) -> None:
     from weld_force_ros.cli import terminal
     from weld_force_ros.simulation.fit_file import RfpFit
 
@@ -95,8 +95,13 @@ def _show_fit(made: "AnyFit") -> None:
         f"{made.track}: {made.engine} of order {made.order}; RMS error relative to what the contact sees",
         [("band Hz", "right"), ("fit %", "right"), ("response cut at the impulse %", "right")],
         [(f"{low:g} - {high:g}", f"{100 * error:.2f}", f"{100 * floor:.2f}") for low, high, error, floor in bands]
-        + [("all", f"{100 * made.error:.2f}", "")],
+        + ([] if moving else [("all", f"{100 * made.error:.2f}", "")]),
     )
+    if moving:
+        terminal.say(
+            f"under a wheel that moves: peak forces are {100 * made.error:.1f} % of their dynamic part off engine "
+            "reference (RMS of trial passages at 100, 200 and 300 km/h): what maps state as fit error"
+        )
     if isinstance(made, RfpFit):
         error, variation = made.front_error[made.knee], made.front_variation[made.knee]
         terminal.say(

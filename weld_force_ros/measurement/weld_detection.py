@@ -11,12 +11,11 @@ is given, the level is that of these metres.
 """
 
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 import scipy  # loads its slow parts, such as signal, where they are first used
 from numpy.typing import ArrayLike
-from scipy.ndimage import gaussian_filter1d
-from scipy.special import ndtri
 
 from weld_force_ros.errors import InputError
 from weld_force_ros.physics.arrays import FloatArray
@@ -35,7 +34,7 @@ _FOURTH_DIFFERENCE = (1.0, -4.0, 6.0, -4.0, 1.0)  # exactly zero for cubics, as 
 _TRUNCATED = 5.0  # standard deviations of the Gaussian
 SETTLED_M = APART_M + _TRUNCATED * float(_SIGMAS_M[-1]) + 3 * _GRID_M
 _LEAST_LEVEL_M = 1e-7  # of a rail made by hand without roughness; under what instruments resolve
-_MEDIAN_SIZE = float(ndtri(0.75))  # of a normal variable, in standard deviations
+_MEDIAN_SIZE = NormalDist().inv_cdf(0.75)  # of a normal variable, in standard deviations
 
 
 @dataclass(frozen=True)
@@ -82,7 +81,7 @@ def scores(grid_m: FloatArray, z_m: FloatArray) -> FloatArray:
 def _standing_out(grid_m: FloatArray, z_m: FloatArray, sigma_m: float) -> FloatArray:
     sigma = sigma_m / _GRID_M
     fourth = np.convolve(z_m, _FOURTH_DIFFERENCE, mode="same")
-    answer = sigma**4 * np.abs(gaussian_filter1d(fourth, sigma, truncate=_TRUNCATED))
+    answer = sigma**4 * np.abs(scipy.ndimage.gaussian_filter1d(fourth, sigma, truncate=_TRUNCATED))
     edge = int(np.ceil(_TRUNCATED * sigma)) + len(_FOURTH_DIFFERENCE) // 2
     answer[:edge] = answer[len(answer) - edge :] = 0.0  # what is not measured is not level
     standing_out: FloatArray = answer / _running_level(grid_m, answer, edge)

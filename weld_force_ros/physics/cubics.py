@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
+from weld_force_ros.physics import _tridiagonal
 from weld_force_ros.physics.arrays import FloatArray
 
 Values = TypeVar("Values", bound=NDArray[np.inexact[Any]])
@@ -133,7 +133,8 @@ def _as_column(values: FloatArray, samples: NDArray[np.inexact[Any]]) -> FloatAr
 
 
 def _solved(bands: FloatArray, right: Values) -> Values:
-    solution = scipy.linalg.solve_banded((1, 1), bands, right.reshape(len(right), -1), check_finite=False)
+    solution = right.reshape(len(right), -1).copy()
+    _tridiagonal.solve(bands[2, :-1], bands[1], bands[0, 1:], solution)
     return cast(Values, solution.reshape(right.shape))
 
 

@@ -37,7 +37,7 @@ class Fit(msgspec.Struct, kw_only=True, tag_field="engine"):
 
 
 class PolesFit(Fit, kw_only=True, tag="common-poles"):
-    """Common poles; `residues_*` are row-major (section, pole)."""
+    """Common poles; `residues_*` are row-major (section, pole), `node_*` as `PoleModel.nodes`."""
 
     section_m: list[float]
     poles_re_rad_s: list[float]
@@ -46,6 +46,8 @@ class PolesFit(Fit, kw_only=True, tag="common-poles"):
     residues_im: list[float]
     spans: int = 1
     image_m: float = 0.0
+    node_poles: list[int] = []
+    node_m: list[float] = []
 
     def model(self) -> PoleModel:
         """Return the fitted track."""
@@ -57,6 +59,7 @@ class PolesFit(Fit, kw_only=True, tag="common-poles"):
             spacing_m=self.spacing_m,
             spans=self.spans,
             image_m=self.image_m,
+            nodes=tuple(zip(self.node_poles, self.node_m, strict=True)),
         )
 
 

@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from weld_force_ros import __version__, _files
 from weld_force_ros.errors import InputError
-from weld_force_ros.physics.engines import moving_fit, rational_search, window_fit
+from weld_force_ros.physics.engines import moving_fit, rational_search, window_fit, window_signs
 from weld_force_ros.physics.engines.common_poles import (
     BAND_HZ,
     REPORT_BANDS,
@@ -39,7 +39,8 @@ from weld_force_ros.simulation.track_file import TrackDefinition
 # Part of every fit's key: raise it when the fit of the same track would come out differently.
 FIT_VERSION = 2
 _WINDOW_VERSION = 1
-_MOVING_VERSION = 1
+_SIGNS_VERSION = 1
+_MOVING_VERSION = 2
 
 FittedEngine = Literal["common-poles", "rfp"]
 
@@ -167,27 +168,77 @@ def make_moving(definition: TrackDefinition, usual: PolesFit) -> PolesFit | Movi
 
 
 def fitted_window(
-    definition: TrackDefinition, supports: LocalSupports, *, on_fit: Callable[[str], None] | None = None
+    definition: TrackDefinition,
+    supports: LocalSupports,
+    *,
+    moving: bool = False,
+    on_fit: Callable[[str], None] | None = None,
 ) -> PolesFit:
-    """Return the fit of a track near supports that differ: bundled, cached, or made now and cached; see `fitted`.
+    """Return the fit of a track near supports that differ: cached, or made now and cached; see `fitted`.
+
+    Args:
+        definition: the track and its own wheel.
+        supports: those that differ.
+        moving: whether signs of shapes are chosen by a load that moves, where the track can have that.
+        on_fit: called with a line of text if the fit has to be made.
 
     Raises:
         InputError: the track or the supports have no such fit.
         NumericalError: no usable fit was found.
     """
     check_window(definition.track, supports)
-    key = hashlib.sha256(
-        msgspec.json.encode([_WINDOW_VERSION, key_of(definition), asdict(supports)], order="sorted")
-    ).hexdigest()
-    name = definition.track.name
+    signed, name = moving and definition.moving, definition.track.name
+    if signed and (measured := _found(_window_key(definition, supports, "error"), _window_name(definition, supports))):
+        assert isinstance(measured, PolesFit), "windows are fitted by common poles"  # noqa: S101
+        return measured
+    key = _window_key(definition, supports, "signs" if signed else None)
     announcement = f"fitting track {name} with supports of its own, once: some ten seconds"
-    sleepers = ", ".join(f"{change.sleeper} x {change.below:g}" for change in supports.changes)
-    fit = _kept(
-        key, lambda: _make_window(definition, supports, key), announcement, on_fit,
-        bundled=f"{name}, sleepers {sleepers}.common-poles",
-    )  # fmt: skip
+    fit = _kept(key, lambda: _make_window(definition, supports, key, signed=signed), announcement, on_fit)
     assert isinstance(fit, PolesFit), "windows are fitted by common poles"  # noqa: S101
     return fit
+
+
+def fitted_moving_window(
+    definition: TrackDefinition, supports: LocalSupports, *, on_fit: Callable[[str], None] | None = None
+) -> PolesFit:
+    """Return the fit of a window that serves a moving contact: bundled, cached, or made now and cached.
+
+    Its `error` is how far peak forces are off, relative to their dynamic part, where the track can have such a fit.
+
+    Raises:
+        InputError: the track or the supports have no such fit.
+        NumericalError: no usable fit was found.
+    """
+    check_window(definition.track, supports)
+    if not definition.moving:
+        return fitted_window(definition, supports, on_fit=on_fit)
+    key, track, wheel = _window_key(definition, supports, "error"), definition.track, definition.wheel
+
+    def make_fit() -> PolesFit:
+        fit = fitted_window(definition, supports, moving=True, on_fit=on_fit)
+        with _one_blas_thread():
+            off = moving_fit.peaks_off(fit.model(), track, wheel, supports)
+        return msgspec.structs.replace(fit, key=key, error=off)
+
+    announcement = f"comparing track {track.name} with supports of its own with the reference, once: half a minute"
+    fit = _kept(key, make_fit, announcement, on_fit, bundled=_window_name(definition, supports))
+    assert isinstance(fit, PolesFit), "windows are fitted by common poles"  # noqa: S101
+    return fit
+
+
+def _window_name(definition: TrackDefinition, supports: LocalSupports) -> str:
+    sleepers = ", ".join(f"{change.sleeper} x {change.below:g}" for change in supports.changes)
+    return f"{definition.track.name}, sleepers {sleepers}.moving-poles"
+
+
+def _window_key(
+    definition: TrackDefinition, supports: LocalSupports, by_moving: Literal["signs", "error"] | None
+) -> str:
+    """Return the identity of a window's fit: without, with the signs, and with the error too of a moving contact."""
+    content = [_WINDOW_VERSION, key_of(definition), asdict(supports)]
+    if by_moving is not None:
+        content.append([_SIGNS_VERSION, by_moving])
+    return hashlib.sha256(msgspec.json.encode(content, order="sorted")).hexdigest()
 
 
 def _kept(
@@ -199,15 +250,20 @@ def _kept(
     bundled: str | None = None,
 ) -> AnyFit:
     """Return the fit of that key: bundled, from the user's cache, or made now, announced, and kept there."""
-    if bundled is not None and (found := read(_DATA / "fits" / f"{bundled}.json", key)) is not None:
-        return found
-    if (found := read(_files.cache_folder("fits") / f"{key}.json", key)) is not None:
+    if (found := _found(key, bundled)) is not None:
         return found
     if on_fit:
         on_fit(announcement)
     fit = make_fit()
     keep(fit)
     return fit
+
+
+def _found(key: str, bundled: str | None) -> AnyFit | None:
+    """Return the fit of that key, bundled under a name or from the user's cache, if there is one."""
+    if bundled is not None and (found := read(_DATA / "fits" / f"{bundled}.json", key)) is not None:
+        return found
+    return read(_files.cache_folder("fits") / f"{key}.json", key)
 
 
 def check_window(track: Track, supports: LocalSupports) -> None:
@@ -255,13 +311,16 @@ def make_poles(definition: TrackDefinition) -> PolesFit:
     return _poles_fit(definition, key_of(definition), model, _error_of(definition, model))
 
 
-def _make_window(definition: TrackDefinition, supports: LocalSupports, key: str) -> PolesFit:
+def _make_window(definition: TrackDefinition, supports: LocalSupports, key: str, *, signed: bool) -> PolesFit:
     """Fit common poles to a track near supports that differ."""
-    track, compliance = definition.track, definition.wheel.compliance
+    track, wheel = definition.track, definition.wheel
     with _one_blas_thread():
-        model = window_fit.window_fit(track, supports, compliance)
-    error = partial(window_fit.window_error, model, track, supports, compliance)
-    return _poles_fit(definition, key, model, error)
+        model = window_fit.window_fit(track, supports, wheel.compliance)
+        if signed:
+            model = window_signs.with_signs(model, track, supports, wheel)
+    return _poles_fit(
+        definition, key, model, partial(window_fit.window_error, model, track, supports, wheel.compliance)
+    )
 
 
 def _one_blas_thread() -> threadpool_limits:
@@ -281,6 +340,8 @@ def _poles_fit(
         residues_im=model.residues.imag.ravel().tolist(),
         spans=model.spans,
         image_m=model.image_m,
+        node_poles=[pole for pole, _ in model.nodes],
+        node_m=[at_m for _, at_m in model.nodes],
     )
 
 

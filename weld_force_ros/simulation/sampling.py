@@ -40,6 +40,7 @@ class Sampler:
         wheel: the nominal wheel.
         unknown: what is drawn, and how often.
         supports: those that differ from the track's.
+        moving: whether their fits have the signs that a moving load finds.
         patch_m: half length of the contact patch that heights are averaged over; 0: none.
         on_fit: called with a line of text if a fit has to be made.
         threads: that compute; one a core, if not given.
@@ -52,6 +53,7 @@ class Sampler:
         unknown: Uncertainty,
         supports: LocalSupports | None = None,
         *,
+        moving: bool = False,
         patch_m: float = 0.0,
         on_fit: Callable[[str], None] | None = None,
         threads: int | None = None,
@@ -65,7 +67,8 @@ class Sampler:
         few = unknown.design == "quasi-random" and USE_SIMD
         factors = support_levels(unknown) if few else np.unique(self._draws.support_factor)
         self._models: dict[float, StateModel] = {
-            factor: _fitted(supported(definition, factor), supports, on_fit).model() for factor in factors.tolist()
+            factor: _fitted(supported(definition, factor), supports, moving, on_fit).model()
+            for factor in factors.tolist()
         }
         self._few: dict[bool, FewPassages] = {}
         if few:
@@ -147,11 +150,14 @@ class Sampler:
 
 
 def _fitted(
-    definition: TrackDefinition, supports: LocalSupports | None, on_fit: Callable[[str], None] | None
+    definition: TrackDefinition,
+    supports: LocalSupports | None,
+    moving: bool,
+    on_fit: Callable[[str], None] | None,
 ) -> PolesFit:
     if supports is None:
         return fit_store.fitted(definition, on_fit=on_fit)
-    return fit_store.fitted_window(definition, supports, on_fit=on_fit)
+    return fit_store.fitted_window(definition, supports, moving=moving, on_fit=on_fit)
 
 
 def _samples_by_stiffness(draws: Draws) -> Iterator[tuple[float, float, NDArray[np.intp]]]:

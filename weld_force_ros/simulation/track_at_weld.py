@@ -31,7 +31,8 @@ class TrackAtWeld:
 
     Attributes:
         vehicle_track: simulates passages.
-        error: computes `fit_error`: seconds for `reference` on rails by strips, and not every use asks for it.
+        error: computes `fit_error`: seconds for `reference` on rails by strips, more for supports that differ, and not
+            every use asks for it.
         sampler: of what is uncertain; None where nothing is drawn.
     """
 
@@ -104,6 +105,8 @@ class TracksAtWelds:
             vehicle_track = VehicleTrackModel(fit.model(), wheel, threads=threads)
 
             def error() -> float:
+                if supports and settings.poles == "moving":
+                    return fit_store.fitted_moving_window(definition, supports, on_fit=self._on_fit).error
                 return fit.error
 
         return TrackAtWeld(vehicle_track, error, self._sampler(supports) if sampled else None)
@@ -124,14 +127,15 @@ class TracksAtWelds:
                 "engine rfp describes tracks on which all supports are alike",
                 "use common-poles or reference where a weld states its support",
             )
-        return fit_store.fitted_window(self._definition, supports, on_fit=self._on_fit)
+        moving = self._settings.poles == "moving"
+        return fit_store.fitted_window(self._definition, supports, moving=moving, on_fit=self._on_fit)
 
     def _sampler(self, supports: LocalSupports | None) -> Sampler | None:
         settings = self._settings
         if not isinstance(settings.uncertainty, Uncertainty):
             return None
         return Sampler(
-            self._definition, self._wheel, settings.uncertainty, supports,
+            self._definition, self._wheel, settings.uncertainty, supports, moving=settings.poles == "moving",
             patch_m=settings.patch_half_length_m, on_fit=self._on_fit, threads=self._threads,
         )  # fmt: skip
 

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # loads its slow parts, such as stats, where they are first used
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
-from scipy.special import ndtri
 
 from weld_force_ros.messages import Uncertainty
 from weld_force_ros.physics.arrays import FloatArray
@@ -66,8 +64,8 @@ def _quasi_random(unknown: Uncertainty) -> Draws:
         sequence = scipy.stats.qmc.Sobol(3, seed=generator).random(unknown.samples)
     evenly = (sequence.argsort(axis=0).argsort(axis=0) + 0.5) / unknown.samples
     return Draws(
-        np.asarray(np.exp(unknown.support_spread * ndtri(evenly[:, 0]))),
-        np.asarray(np.exp(unknown.hertz_spread * ndtri(evenly[:, 1]))),
+        np.asarray(np.exp(unknown.support_spread * scipy.special.ndtri(evenly[:, 0]))),
+        np.asarray(np.exp(unknown.hertz_spread * scipy.special.ndtri(evenly[:, 1]))),
         unknown.radius_low_m + (unknown.radius_high_m - unknown.radius_low_m) * evenly[:, 2],
         generator.integers(2**62, size=unknown.samples),
     )
@@ -87,7 +85,7 @@ def noisy(x_m: FloatArray, z_m: FloatArray, unknown: Uncertainty, seed: int) -> 
     white = np.random.default_rng(seed).standard_normal(count + 8 * _PER_LENGTH)
     # The correlation of smoothed white noise falls to 1/e over twice the smoothing's deviation.
     deviation = _PER_LENGTH / 2
-    smooth = gaussian_filter1d(white, deviation)[4 * _PER_LENGTH : -4 * _PER_LENGTH]
+    smooth = scipy.ndimage.gaussian_filter1d(white, deviation)[4 * _PER_LENGTH : -4 * _PER_LENGTH]
     unit = smooth * np.sqrt(2 * deviation * np.sqrt(np.pi))
     noise = unknown.noise_m * np.interp(x_m, x_m[0] + step * np.arange(count), unit)
     level = np.interp(x_m, x_m[[0, -1]], noise[[0, -1]])
@@ -98,5 +96,5 @@ def standard_levels(count: int) -> FloatArray:
     """Return levels of equal probability with mean 0 and variance 1: medians of parts of the normal distribution."""
     if count == 1:
         return np.zeros(1)
-    middles = ndtri((np.arange(count) + 0.5) / count)
+    middles = scipy.special.ndtri((np.arange(count) + 0.5) / count)
     return np.asarray(middles / np.sqrt(np.mean(middles**2)))

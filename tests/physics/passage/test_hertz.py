@@ -5,7 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
+from scipy.special import ellipe, ellipk
 
+from weld_force_ros.physics.passage import hertz
 from weld_force_ros.physics.passage.hertz import ContactRadii
 
 MODULUS_PA = 210e9 / (2 * (1 - 0.3**2))
@@ -53,3 +55,9 @@ def test_a_tread_as_hollow_as_the_crown_is_round_touches_along_a_line() -> None:
     assert not ContactRadii(0.45, 0.3, 0.0).touch_in_a_point
     worn = [ContactRadii(0.45, 0.3, tread_m).hertz_n_per_m15 for tread_m in (np.inf, -1.0, -0.4)]
     assert worn == sorted(worn)
+
+
+def test_elliptic_integrals_are_those_of_scipy():
+    ratios = np.linspace(0.02, 0.999, 50)
+    ours = np.array([hertz._elliptic_integrals(ratio) for ratio in ratios.tolist()]).T
+    np.testing.assert_allclose(ours, [ellipk(1 - ratios**2), ellipe(1 - ratios**2)], rtol=1e-12)

@@ -27,8 +27,8 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
+import scipy  # loads its slow parts, such as linalg, where they are first used
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 
 from weld_force_ros.physics.analysis._adaptive_spline import (
     BURN,
@@ -233,7 +233,7 @@ class _Problem:
     def metric(self, best: FloatArray) -> FloatArray:
         """Return the matrix from standard normal numbers to hyperparameters about the best."""
         # That of numpy hands small matrices to threads, which takes ten times as long.
-        values, vectors = eigh(hessian(best, *self._arguments), driver="evd")
+        values, vectors = scipy.linalg.eigh(hessian(best, *self._arguments), driver="evd")
         return np.ascontiguousarray(vectors / np.sqrt(np.maximum(values, 0.03)))
 
     def posterior(self, best: FloatArray) -> tuple[FloatArray, FloatArray]:

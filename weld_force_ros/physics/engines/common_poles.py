@@ -50,6 +50,7 @@ class PoleModel:
         spacing_m: from sleeper to sleeper.
         spans: number of spans that residues repeat with; more than one where a few supports differ.
         image_m: where sleeper 0 of the track's mirror image lies; at 0 where the track is its own.
+        nodes: poles by number and places in the period where their shapes change sign; see `window_signs`.
     """
 
     poles_rad_s: ComplexArray
@@ -58,6 +59,7 @@ class PoleModel:
     spacing_m: float
     spans: int = 1
     image_m: float = 0.0
+    nodes: tuple[tuple[int, float], ...] = ()
     _grids: dict[bytes, tuple[ComplexArray, FloatArray]] = field(default_factory=dict, repr=False, compare=False)
 
     @property
@@ -90,12 +92,16 @@ class PoleModel:
         return _periodic_spline(self.section_m, self.residues, self.period_m, at_m)
 
     def shapes_at(self, at_m: ArrayLike) -> ComplexArray:
-        """Return sqrt(R_k), its sign continuous along the span, (n_at, n)."""
+        """Return sqrt(R_k), its sign continuous along the span but for `nodes`, (n_at, n)."""
         points = self.spans * _SHAPE_POINTS
         fine = self.period_m * np.arange(points) / points
         residues = self.residues_at(fine)
         phase = np.unwrap(np.angle(residues), axis=0)
-        return _periodic_spline(fine, np.sqrt(np.abs(residues)) * np.exp(0.5j * phase), self.period_m, at_m)
+        shapes = _periodic_spline(fine, np.sqrt(np.abs(residues)) * np.exp(0.5j * phase), self.period_m, at_m)
+        through = np.mod(np.atleast_1d(np.asarray(at_m, dtype=np.float64)), self.period_m)
+        for pole, node_m in self.nodes:
+            shapes[through >= node_m, pole] *= -1
+        return shapes
 
     def propagation(self, at_m: FloatArray, dt_s: float) -> Propagation:
         """Return a step of `dt_s` of the states q_k' = p_k q_k + shape_k f; see `physics.passage.state_space`."""

@@ -10,8 +10,7 @@ Levenberg's damping). Residuals are relative errors of a force:
   wheel as an irregularity does; over `DYNAMIC_SHARE` of the load, about what welds add to it.
 """
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +27,7 @@ from weld_force_ros.physics.passage.wheel import Wheel
 from weld_force_ros.physics.passage.wheel_path import WheelPath, wheel_path_over
 from weld_force_ros.physics.track import beam
 from weld_force_ros.physics.track.beam import Track
+from weld_force_ros.physics.track.local_support import LocalSupports
 
 SPEEDS_KMH = (100.0, 200.0, 300.0)
 BETWEEN_KMH = (250.0,)
@@ -39,6 +39,7 @@ RESOLUTION = 0.005
 _TRIALS_M = ((0.2e-3, 0.12), (-0.4e-3, 0.8), (-40e-6, 0.048))  # height and length of a cosine
 _GOOD_ENOUGH = 0.01
 _CLEARLY = 0.75  # of the usual fit's error, below which another takes its place
+_NEARER = 0.9  # likewise, with the speeds between
 _PLACES = 16
 _FREQUENCIES = np.concatenate([[0.0, 1.0, 2.5], np.linspace(np.sqrt(BAND_HZ[0]), np.sqrt(BAND_HZ[1]), 160) ** 2])
 _LOW_HZ = 400.0  # above which errors count less
@@ -111,56 +112,61 @@ def moving_fit(track: Track, wheel: Wheel, usual: PoleModel) -> tuple[PoleModel 
         usual: the fit to point receptances, which is taken where it is good enough.
 
     Returns:
-        The fit, one to moving receptances only if it is nearer at `BETWEEN_KMH`, too; its error: RMS of the difference
-        of its peak forces from the reference's over the RMS of their dynamic part, together with `RESOLUTION`.
+        The fit, one to moving receptances only if it is nearer with `BETWEEN_KMH`, too; its error at `SPEEDS_KMH`: RMS
+        of the difference of its peak forces from the reference's over the RMS of their dynamic part, together with
+        `RESOLUTION`.
 
     Raises:
         NumericalError: vector fitting did not end with finite poles.
     """
-    exact = GreensFunctionModel(track, wheel, threads=1)
-    trial = _Trial(exact, SPEEDS_KMH)
+    trial = _Trial(GreensFunctionModel(track, wheel, threads=1))
     target: Target | None = None
-    fits: list[tuple[PoleModel | MovingPoleModel, float]] = [(usual, trial.off(usual))]
+    fits: list[tuple[PoleModel | MovingPoleModel, float]] = [(usual, trial.off(usual, SPEEDS_KMH))]
     for order in ORDERS:
         if fits[-1][1] <= _GOOD_ENOUGH:
             break
-        target = target or Target.of(exact)
+        target = target or Target.of(trial.exact)
         model = refined(start(target, order), target)
-        fits.append((model, trial.off(model)))
+        fits.append((model, trial.off(model, SPEEDS_KMH)))
     best, off = min(fits, key=lambda fit: fit[1])
     if best is not usual:
-        between = _Trial(exact, BETWEEN_KMH)
-        if off > _CLEARLY * fits[0][1] or between.off(best) > between.off(usual):
+        whole = SPEEDS_KMH + BETWEEN_KMH
+        if off > _CLEARLY * fits[0][1] or trial.off(best, whole) > _NEARER * trial.off(usual, whole):
             best, off = fits[0]
     return best, float(np.hypot(off, RESOLUTION))
 
 
+def peaks_off(model: StateModel, track: Track, wheel: Wheel, supports: LocalSupports) -> float:
+    """Return how far the peak forces of a track are off of which a few supports differ; see `moving_fit`."""
+    trial = _Trial(GreensFunctionModel(track, wheel, supports, threads=1))
+    return float(np.hypot(trial.off(model, SPEEDS_KMH), RESOLUTION))
+
+
 @dataclass(frozen=True)
 class _Trial:
-    """Passages at some speeds, by which fits are compared with the reference."""
+    """Passages by which fits are compared with the reference."""
 
     exact: GreensFunctionModel
-    speeds_kmh: tuple[float, ...]
+    _references_n: dict[float, FloatArray] = field(default_factory=dict, repr=False)
 
-    def off(self, model: StateModel) -> float:
+    def off(self, model: StateModel, speeds_kmh: tuple[float, ...]) -> float:
         """Return how far peak forces are off, relative to their dynamic part; infinite where none can be had."""
         wheel = self.exact.wheel
-        fast = VehicleTrackModel(model, wheel, threads=1)
+        fast, positions_m = VehicleTrackModel(model, wheel, threads=1), _trial_positions(self.exact.track)
         try:
-            found = [fast.peak_map(path, self.speeds_kmh, self._positions_m) for path in _trial_paths(wheel)]
+            found = [fast.peak_map(path, speeds_kmh, positions_m).peak_force_n for path in _trial_paths(wheel)]
         except NumericalError:
             return float("inf")
-        off_n = np.stack([one.peak_force_n for one in found]) - self._peaks_n
-        return float(np.linalg.norm(off_n) / np.linalg.norm(self._peaks_n - wheel.static_load_n))
+        reference_n = np.stack([self._reference_n(speed) for speed in speeds_kmh], axis=1)
+        return float(np.linalg.norm(found - reference_n) / np.linalg.norm(reference_n - wheel.static_load_n))
 
-    @cached_property
-    def _peaks_n(self) -> FloatArray:
-        maps = self.exact.peak_maps(_trial_paths(self.exact.wheel), self.speeds_kmh, self._positions_m)
-        return np.stack([one.peak_force_n for one in maps])
-
-    @property
-    def _positions_m(self) -> FloatArray:
-        return _trial_positions(self.exact.track)
+    def _reference_n(self, speed_kmh: float) -> FloatArray:
+        """Return the reference's peak forces at a speed, (n_path, n_position)."""
+        if speed_kmh not in self._references_n:
+            paths, positions_m = _trial_paths(self.exact.wheel), _trial_positions(self.exact.track)
+            maps = self.exact.peak_maps(paths, [speed_kmh], positions_m)
+            self._references_n[speed_kmh] = np.stack([one.peak_force_n[0] for one in maps])
+        return self._references_n[speed_kmh]
 
 
 def _trial_paths(wheel: Wheel) -> list[WheelPath]:

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy  # loads its slow parts, such as ndimage, where they are first used
 from numpy.typing import NDArray
-from scipy.ndimage import grey_dilation, grey_erosion
 
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.physics.cubics import PiecewiseCubic, monotone_cubics, spline
@@ -107,7 +107,7 @@ def underside(x_m: FloatArray, z_m: FloatArray, wheel_radius_m: float) -> FloatA
     surface = _resampled(x, z, grid)
     circle = _circle(reach, RESAMPLED_STEP_M, wheel_radius_m)
     path = dilated_by_wheel(surface, RESAMPLED_STEP_M, wheel_radius_m)
-    deepest = grey_erosion(path, footprint=np.ones(len(circle)), structure=circle, mode="nearest")
+    deepest = scipy.ndimage.grey_erosion(path, footprint=np.ones(len(circle)), structure=circle, mode="nearest")
     return np.asarray(z_m + np.maximum(0.0, np.interp(x_m, grid, deepest - surface)))
 
 
@@ -173,7 +173,9 @@ def dilated_by_wheel(surface_m: FloatArray, step_m: float, wheel_radius_m: float
     circle = _circle(_reach(float(np.ptp(surface_m)), wheel_radius_m), step_m, wheel_radius_m)
     if len(circle) == 1:
         return np.array(surface_m)
-    dilated: FloatArray = grey_dilation(surface_m, footprint=np.ones(len(circle)), structure=circle, mode="nearest")
+    padded, dilated = np.pad(surface_m, len(circle) // 2, mode="edge"), np.full(len(surface_m), -np.inf)
+    for first, lift in enumerate(circle.tolist()):
+        np.maximum(dilated, padded[first : first + len(dilated)] + lift, out=dilated)
     return dilated
 
 

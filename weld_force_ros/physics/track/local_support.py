@@ -148,19 +148,25 @@ def transfer_receptance(
     at, force_at = np.broadcast_arrays(
         np.atleast_1d(np.asarray(at_m, dtype=np.float64)), np.asarray(force_at_m, dtype=np.float64)
     )
-    return _response(track, supports, beam.waves(track, omega), omega, at, force_at)
+    return response(track, supports, beam.waves(track, omega), omega, at, force_at)
 
 
 def static_compliance(track: Track, supports: LocalSupports, at_m: ArrayLike) -> FloatArray:
     """Return the deflection under a resting unit load, m/N, (n_at,), of the undamped track: no loss at rest."""
     at = np.atleast_1d(np.asarray(at_m, dtype=np.float64))
     still = track.undamped()
-    return _response(still, supports, beam.static_waves(track), beam.STATIC_OMEGA, at, at)[:, 0].real
+    return response(still, supports, beam.static_waves(track), beam.STATIC_OMEGA, at, at)[:, 0].real
 
 
-def _response(
-    track: Track, supports: LocalSupports, waves: Waves, omega: FloatArray, at_m: FloatArray, force_at_m: FloatArray
+def response(
+    track: Track,
+    supports: LocalSupports,
+    waves: Waves,
+    omega: FloatArray | ComplexArray,
+    at_m: FloatArray,
+    force_at_m: FloatArray,
 ) -> ComplexArray:
+    """Return the receptance as `transfer_receptance`, at any frequencies of which the track's waves are known."""
     reactions = supports.reactions(track, waves, omega)
     here, there = (responses_at(waves, supports.places_m(track), x_m) for x_m in (at_m, force_at_m))
     whole = beam.response(waves, at_m, force_at_m) - np.einsum("iaf,ijf,jaf->af", here, reactions, there)

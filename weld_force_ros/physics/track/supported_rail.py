@@ -14,7 +14,7 @@ of Floquet waves near the supports and to the response near the force.
 """
 
 import numpy as np
-import scipy.linalg
+import scipy  # loads its slow parts, such as linalg, where they are first used
 
 from weld_force_ros.physics.arrays import ComplexArray, FloatArray
 from weld_force_ros.physics.track.waveguide_rail import COUPLED, FreeWaves
