@@ -9,7 +9,7 @@ import pytest
 from weld_force_ros.cli.main import main
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement import profile_file
-from weld_force_ros.studies import claims, inference, inference_study, no_progress, shape_prior
+from weld_force_ros.studies import claims, increment_study, inference, inference_study, no_progress, shape_prior
 from weld_force_ros.studies.claims import Claim, Condition
 from weld_force_ros.studies.inference import Inference, Solution, chosen, cost_of, held, wavelength_cost
 from weld_force_ros.studies.shape_prior import (
@@ -212,6 +212,11 @@ def quick(monkeypatch):
     """Searches whose cost is the distance of their first height from -333 um, and no passages."""
     monkeypatch.setattr(Inference, "cost", lambda _self, parameters: abs(parameters[0] + 333.0))
     monkeypatch.setattr(Inference, "all_quantities", lambda _self, _profile: {"map.linearity_weld_4": 0.98})
+    monkeypatch.setattr(
+        increment_study,
+        "quantities_over_weld_1",
+        lambda _context, weld: {"increment.minimum_cells_ratio": 1.0, "increment.spread_ratio": -1e4 * weld[1].min()},
+    )
 
 
 @pytest.mark.usefixtures("quick")
@@ -232,6 +237,9 @@ def test_a_search_finds_a_known_minimum_within_the_prior_and_again_with_its_seed
 def test_a_second_run_takes_what_the_first_found_unless_the_prior_changed(tmp_path, monkeypatch):
     first = inference_study.run(StudyContext(), "weld-1", 2, tmp_path, no_progress)
     assert [row[2] for row in first.tables["solutions"].rows] == [1.0, 2.0]
+    heights = first.tables["heights"].rows  # one shape, lower and higher
+    assert [row[0] for row in heights] == [0.2, 0.5, 1.0, 3.0]
+    np.testing.assert_allclose([row[3] for row in heights], 1e4 * 333e-6 * np.array([0.2, 0.5, 1.0, 3.0]), rtol=0.01)
     monkeypatch.setattr(Inference, "search", None)
     assert inference_study.run(StudyContext(), "weld-1", 2, tmp_path, no_progress).tables == first.tables
     stale = msgspec.structs.replace(solution(seed=1), prior_sha256="0")

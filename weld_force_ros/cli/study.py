@@ -209,6 +209,8 @@ def study_infer(
             json_output.write(lines, dict(zip((column.name for column in solutions.columns), row, strict=True)))
     terminal.show_table(solutions)
     terminal.show_table(found.tables["spread"])
+    if "heights" in found.tables:
+        terminal.show_table(found.tables["heights"])
     _say_page(rendered, out)
 
 

@@ -13,19 +13,20 @@ from weld_force_ros.errors import InputError, os_errors_as
 from weld_force_ros.physics.analysis.geometry import classify
 from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report.figures import new_figure
-from weld_force_ros.studies import StartProgress, shape_prior
+from weld_force_ros.studies import StartProgress, increment_study, shape_prior
 from weld_force_ros.studies.claims import Role
 from weld_force_ros.studies.figure_style import COLOURS
 from weld_force_ros.studies.inference import GENERATIONS, Also, Inference, Solution, chosen, held
 from weld_force_ros.studies.result_table import Cell, Column, Table
 from weld_force_ros.studies.shape_prior import Prior
-from weld_force_ros.studies.study_context import Picture, StudyContext, StudyResult
+from weld_force_ros.studies.study_context import Picture, Profile, StudyContext, StudyResult
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NAME = "infer"
 _WRITABLE = "name a writable folder with --out"
+_HEIGHT_FACTORS = (0.2, 0.5, 1.0, 3.0)
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,8 @@ def run(
         "solutions": _solution_table(found), "claims": _claim_table(found), "shapes": _shape_table(found),
         "spread": _spread_table(found),
     }  # fmt: skip
+    if "weld-1" in found:
+        tables["heights"] = _height_table(context, chosen([one.solution for one in found["weld-1"]]).profile)
     return StudyResult(NAME, "Shapes inferred from the text", [_picture(found)], tables)
 
 
@@ -216,6 +219,21 @@ def _spread_table(found: dict[str, list[Found]]) -> Table:
     return Table(
         "How far the shapes of one weld differ: RMS of their mean and of their standard deviation", columns, rows
     )
+
+
+def _height_table(context: StudyContext, profile: Profile) -> Table:
+    """Return what section 5 says of weld 1, for the shipped shape made lower and higher: its height is not given."""
+    columns = (
+        Column("height_factor", "height, times", 1), Column("lowest_m"),
+        Column("minimum_cells_ratio", "local minima left", 2), Column("spread_ratio", "spread over positions left", 2),
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = []
+    for factor in _HEIGHT_FACTORS:
+        x_m, z_m = profile
+        measured = increment_study.quantities_over_weld_1(context, (x_m, factor * z_m))
+        ratios = (measured[f"increment.{name}"] for name in ("minimum_cells_ratio", "spread_ratio"))
+        rows.append((factor, factor * float(z_m.min()), *(float(r) for r in ratios if isinstance(r, float))))
+    return Table("Increment over dynamic force, weld 1 at other heights", columns, rows)
 
 
 def _heights(several: Sequence[Found]) -> FloatArray:
