@@ -158,8 +158,8 @@ def wavelength_cost(wavelengths_m: Sequence[float], profile: Profile) -> float:
     if not wavelengths_m:
         return 0.0
     found_m = shape_prior.wavelengths_of(profile)
-    half_width = _WAVELENGTH_TOLERANCE
-    off = [float(np.abs(found_m / wanted - 1).min(initial=np.inf)) / half_width - 1 for wanted in wavelengths_m]
+    away = [float(np.abs(found_m / wanted - 1).min(initial=np.inf)) for wanted in wavelengths_m]
+    off = [share / _WAVELENGTH_TOLERANCE - 1 for share in away]
     return float(np.mean([0.5 + 0.5 * _saturated(distance) if distance > 0 else 0.0 for distance in off]))
 
 
@@ -202,18 +202,13 @@ def held(measured: Quantities) -> dict[str, bool]:
     return {name: cost == 0 for name, cost in costs.items() if cost is not None}
 
 
-def nearest(solutions: Sequence[Solution]) -> list[Solution]:
-    """Return the solutions of least cost."""
-    least = min(round(one.cost, 6) for one in solutions)
-    return [one for one in solutions if round(one.cost, 6) == least]
-
-
 def chosen(solutions: Sequence[Solution]) -> Solution:
     """Return the solution that is shipped: of those with the least cost the most typical.
 
     That is the one whose heights differ least from those of the others, RMS, on average (their medoid).
     """
-    equals = nearest(solutions)
-    profiles = [one.profile for one in equals]
-    apart_m = [float(np.mean([shape_prior.rms_difference(p, q) for q in profiles])) for p in profiles]
+    least = min(round(one.cost, 6) for one in solutions)
+    equals = [one for one in solutions if round(one.cost, 6) == least]
+    heights_m = [one.profile[1] for one in equals]
+    apart_m = [float(np.mean([shape_prior.rms(z - other) for other in heights_m])) for z in heights_m]
     return equals[int(np.argmin(apart_m))]

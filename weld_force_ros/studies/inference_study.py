@@ -213,7 +213,7 @@ def _spread_table(found: dict[str, list[Found]]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for name, several in found.items():
         heights = _heights(several)
-        mean, spread = _rms(heights.mean(axis=0)), _rms(heights.std(axis=0))
+        mean, spread = shape_prior.rms(heights.mean(axis=0)), shape_prior.rms(heights.std(axis=0))
         complete = sum(one.solution.cost == 0 for one in several)
         rows.append((name, float(len(several)), float(complete), mean, spread, spread / mean))
     return Table(
@@ -228,8 +228,8 @@ def _height_table(context: StudyContext, profile: Profile) -> Table:
         Column("minimum_cells_ratio", "local minima left", 2), Column("spread_ratio", "spread over positions left", 2),
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
+    x_m, z_m = profile
     for factor in _HEIGHT_FACTORS:
-        x_m, z_m = profile
         measured = increment_study.quantities_over_weld_1(context, (x_m, factor * z_m))
         ratios = (measured[f"increment.{name}"] for name in ("minimum_cells_ratio", "spread_ratio"))
         rows.append((factor, factor * float(z_m.min()), *(float(r) for r in ratios if isinstance(r, float))))
@@ -238,10 +238,6 @@ def _height_table(context: StudyContext, profile: Profile) -> Table:
 
 def _heights(several: Sequence[Found]) -> FloatArray:
     return np.array([one.solution.profile[1] for one in several])
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def _picture(found: dict[str, list[Found]]) -> Picture:

@@ -13,6 +13,7 @@ from weld_force_ros.physics.passage.wheel_path import RESAMPLED_STEP_M, WheelPat
 
 MARGIN_M = 6.0  # the wheelset on the track has come to rest within it, and both ends of the taper lie in it
 CLEAR = 0.01  # of the largest amplitude: how far a spectral peak stands out
+_LARGE = 0.1  # of the largest amplitude
 
 
 def record(vehicle_track: VehicleTrackModel, wheel_path: WheelPath, speed_kmh: float) -> History:
@@ -40,6 +41,12 @@ def irregularity_spectrum(passage: History, speed_kmh: float) -> Spectrum:
 def peaks_between(spectrum: Spectrum, from_hz: float, to_hz: float) -> list[SpectralPeak]:
     """Return the clear peaks within a range of frequencies."""
     return [peak for peak in spectral_peaks(spectrum, CLEAR) if from_hz <= peak.frequency_hz <= to_hz]
+
+
+def large_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
+    """Return the clear peaks of at least a tenth of the largest amplitude."""
+    least = _LARGE * spectrum.amplitude.max()
+    return [peak for peak in spectral_peaks(spectrum, CLEAR) if peak.amplitude >= least]
 
 
 def strongest_hz(spectrum: Spectrum, from_hz: float, to_hz: float) -> float:

@@ -12,8 +12,9 @@ from msgspec import Meta
 
 from weld_force_ros import _yaml
 from weld_force_ros.errors import InputError
-from weld_force_ros.physics.analysis.spectra import Spectrum, spectral_peaks
+from weld_force_ros.physics.analysis.spectra import Spectrum
 from weld_force_ros.physics.arrays import FloatArray
+from weld_force_ros.studies import passage_records
 from weld_force_ros.studies.study_context import Profile
 
 WHEEL_RADIUS_M = 0.45
@@ -22,8 +23,6 @@ _HALF_LENGTH_M, _STEP_M, _TAPER_M = 0.5, 0.002, 0.15
 
 _FREE = "free"
 _SPECTRUM_SAMPLES = 2**14  # with level rail beside the weld, 33 m in all
-_CLEAR = 0.01  # of the largest amplitude: how far a spectral peak stands out, as in the study of spectra
-_STRONG = 0.1  # of the largest amplitude
 
 _Range = tuple[float, float]
 _Words = Annotated[str, Meta(min_length=1, max_length=1000)]
@@ -138,16 +137,15 @@ def wavelengths_of(profile: Profile) -> FloatArray:
     frequency_per_m = np.fft.rfftfreq(_SPECTRUM_SAMPLES, float(x_m[1] - x_m[0]))[1:]
     amplitude_m = 2 / len(z_m) * np.abs(np.fft.rfft(z_m, _SPECTRUM_SAMPLES))[1:]
     spectrum = Spectrum(frequency_per_m, 1 / frequency_per_m, amplitude_m)  # at 1 m/s
-    least_m = _STRONG * amplitude_m.max()
-    return np.array([p.wavelength_m for p in spectral_peaks(spectrum, _CLEAR) if p.amplitude >= least_m])
+    return np.array([peak.wavelength_m for peak in passage_records.large_peaks(spectrum)])
 
 
-def rms_difference(one: Profile, other: Profile) -> float:
-    """Return the RMS difference, m, of the heights of two profiles at the same positions."""
-    return float(np.sqrt(np.mean((one[1] - other[1]) ** 2)))
+def rms(values: FloatArray) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def rms_gradient(profile: Profile) -> float:
     """Return the RMS of the gradient, rad."""
     x_m, z_m = profile
-    return float(np.sqrt(np.mean((np.diff(z_m) / np.diff(x_m)) ** 2)))
+    return rms(np.diff(z_m) / np.diff(x_m))

@@ -4,8 +4,6 @@ import numpy as np
 
 from weld_force_ros.physics.analysis.spectra import (
     CUT_HZ,
-    SpectralPeak,
-    Spectrum,
     resonances_hz,
     spectral_peaks,
     wheelset_track_receptance,
@@ -33,7 +31,6 @@ _FREQUENCIES_HZ = np.arange(10.0, 1500.5, 1.0)
 FIG_5_POSITIONS = np.array([32, 40, 44, 52, 60]) / 60  # of the paper's Fig. 5, relative to its span of 60 cm
 _SHOWN_HZ = 2000.0
 _EVERY = 8  # the record's own resolution, of which the spectrum has eight times as many
-_LARGE = 0.1  # of the largest amplitude
 _NEAR = 0.1  # of a frequency
 _SHORT_M = 0.4  # shorter wavelengths show how the peaks of the weld's spectrum move
 
@@ -162,11 +159,6 @@ def _match_share(excitations: list[Excitation]) -> float:
             for weld_peak in spectral_peaks(e.irregularity, passage_records.CLEAR)
         )
         for e in excitations
-        for peak in _large_peaks(e.force)
+        for peak in passage_records.large_peaks(e.force)
     ]
     return float(np.mean(matched)) if matched else float("nan")
-
-
-def _large_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
-    least = _LARGE * spectrum.amplitude.max()
-    return [peak for peak in spectral_peaks(spectrum, passage_records.CLEAR) if peak.amplitude >= least]
