@@ -153,12 +153,9 @@ def _weld_1(excitations: list[Excitation]) -> Quantities:
 
 def _match_share(excitations: list[Excitation]) -> float:
     """Return the share of the force's large peaks that have one of the weld near them."""
-    matched = [
-        any(
-            abs(weld_peak.frequency_hz / peak.frequency_hz - 1) <= _NEAR
-            for weld_peak in spectral_peaks(e.irregularity, passage_records.CLEAR)
-        )
-        for e in excitations
-        for peak in passage_records.large_peaks(e.force)
-    ]
+    matched: list[bool] = []
+    for excitation in excitations:
+        weld_hz = [peak.frequency_hz for peak in spectral_peaks(excitation.irregularity, passage_records.CLEAR)]
+        force_hz = [peak.frequency_hz for peak in passage_records.large_peaks(excitation.force)]
+        matched += [any(abs(near / at - 1) <= _NEAR for near in weld_hz) for at in force_hz]
     return float(np.mean(matched)) if matched else float("nan")

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.fft import next_fast_len
 from scipy.signal import butter, detrend, find_peaks, sosfiltfilt
 from scipy.signal.windows import tukey
 
@@ -79,7 +80,7 @@ class Phase:
 def amplitude_spectrum(x_m: ArrayLike, values: ArrayLike, speed_kmh: float) -> Spectrum:
     """Return the spectrum of what a wheel meets or does along the rail at a speed.
 
-    The least-squares line is removed, a tenth of the record tapered (Tukey), zeros added to eight times its length, and
+    The least-squares line is removed, a tenth of the record tapered (Tukey), zeros added to at least eight times its length, and
     amplitudes corrected for the taper.
 
     Args:
@@ -93,7 +94,7 @@ def amplitude_spectrum(x_m: ArrayLike, values: ArrayLike, speed_kmh: float) -> S
     array = np.asarray(values, dtype=np.float64)
     step_s = _step_s(x_m, array, speed_kmh)
     taper = tukey(len(array), _TAPER)
-    count = _PADDING * len(array)
+    count = next_fast_len(_PADDING * len(array), real=True)
     amplitude = 2 * np.abs(np.fft.rfft(detrend(array) * taper, count)) / taper.sum()
     frequency = np.fft.rfftfreq(count, step_s)[1:]
     return Spectrum(frequency, speed_kmh / 3.6 / frequency, amplitude[1:])
@@ -108,7 +109,8 @@ def spectral_peaks(spectrum: Spectrum, prominence: float = 0.05) -> list[Spectra
     """
     frequency, amplitude = spectrum.frequency_hz, spectrum.amplitude
     speed = frequency[0] * spectrum.wavelength_m[0]
-    found = find_peaks(amplitude, prominence=prominence * amplitude.max())[0]
+    least = prominence * amplitude.max() or None  # of none, a tenth of the time
+    found = find_peaks(amplitude, prominence=least)[0]
     vertices = (vertex(frequency, amplitude, int(index)) for index in found)
     return [SpectralPeak(at_hz, float(speed / at_hz), height) for at_hz, height in vertices]
 
