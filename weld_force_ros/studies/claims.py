@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias, cast
+from typing import Annotated, Literal, TypeAlias, cast, get_args
 
 import msgspec
 import numpy as np
@@ -20,15 +20,12 @@ from weld_force_ros.studies.result_table import Column, Table
 
 Quantity: TypeAlias = float | bool | str | list[float]
 GeometrySource: TypeAlias = Literal["exact", "inferred", "assumed", "none"]
-Role: TypeAlias = Literal["fitted", "held-out"]
 StudyName: TypeAlias = Literal[
     "map", "curve", "motion", "smooth", "increment", "length", "hertz", "spectrum", "bands", "validation", "population"
 ]  # fmt: skip
 ClaimResult: TypeAlias = Literal["agrees", "partly", "differs", "not evaluated", "not-testable"]
 
-GEOMETRIES: tuple[tuple[GeometrySource, Role | None], ...] = (
-    ("exact", None), ("inferred", "fitted"), ("inferred", "held-out"), ("assumed", None), ("none", None)
-)  # fmt: skip
+FOLDS = 5
 RESULTS: tuple[ClaimResult, ...] = ("agrees", "partly", "differs", "not evaluated", "not-testable")
 
 _Text = Annotated[str, Meta(min_length=1, max_length=1000)]
@@ -126,8 +123,7 @@ class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tru
 
     `where` is its section and figure in the paper. `geometry` is `exact` if the paper gives all that the statement
     depends on, `inferred` if the weld's shape was searched for with its words, `assumed` if the welds are synthetic,
-    `none` if it gives too little for any check. `role` says of inferred geometry whether the search was given it.
-    `if_not` says beforehand what a difference would mean, `found` what explained one afterwards, `corrected` which
+    `none` if it gives too little for any check. `if_not` says beforehand what a difference would mean, `found` what explained one afterwards, `corrected` which
     criteria the statement itself asks for.
     """
 
@@ -135,7 +131,6 @@ class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tru
     where: _Text
     statement: _Text
     geometry: GeometrySource
-    role: Role | None = None
     study: StudyName
     criteria: list[Condition]
     note: _Text
@@ -147,8 +142,6 @@ class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tru
         """Return why the claim is invalid beyond its types, or None."""
         if (self.geometry == "none") is not (not self.criteria):
             return "a claim has criteria unless its geometry is none"
-        if (self.geometry == "inferred") is not (self.role is not None):
-            return "a claim has a role if its geometry is inferred, and only then"
         if self.corrected and not self.criteria:
             return "a claim without criteria has none to correct"
         foreign = [c.key for c in self.all_criteria if c.key.partition(".")[0] != self.study]
@@ -160,6 +153,18 @@ class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tru
     def all_criteria(self) -> list[Condition]:
         """Return the criteria, and those that correct them."""
         return [*self.criteria, *(self.corrected.criteria if self.corrected else ())]
+
+
+class HeldOutResult(msgspec.Struct, kw_only=True, frozen=True):
+    """The result over shapes whose searches were not given the claims of this one's fold.
+
+    `corrected_result` is by corrected criteria, if the claim has any, else the result.
+    """
+
+    fold: int
+    measured: str
+    result: ClaimResult
+    corrected_result: ClaimResult
 
 
 class CorrectedResult(msgspec.Struct, kw_only=True, frozen=True):
@@ -175,7 +180,8 @@ class EvaluatedClaim(msgspec.Struct, kw_only=True, frozen=True):
     """A claim with its result, one entry of `claims.json`. A value there is null where the quantity does not exist.
 
     `result` is by the criteria that were fixed beforehand; `corrected` is beside it where they asked for more than the
-    statement says.
+    statement says. `held_out` is beside it where the geometry is inferred, as `result` is over shapes that were searched
+    for with this claim among others.
     """
 
     id: str
@@ -183,7 +189,6 @@ class EvaluatedClaim(msgspec.Struct, kw_only=True, frozen=True):
     where: str
     study: StudyName
     geometry: GeometrySource
-    role: Role | None
     criterion: str
     note: str
     measured: str
@@ -191,6 +196,7 @@ class EvaluatedClaim(msgspec.Struct, kw_only=True, frozen=True):
     result: ClaimResult
     why: str
     corrected: CorrectedResult | None = None
+    held_out: HeldOutResult | None = None
 
     @property
     def corrected_result(self) -> ClaimResult:
@@ -206,6 +212,12 @@ def load() -> list[Claim]:
     """
     path = resources.files("weld_force_ros") / "data" / "claims.yaml"
     return parse(path.read_bytes(), "data/claims.yaml")
+
+
+def folds(claims: Sequence[Claim]) -> dict[str, int]:
+    """Return the fold of each claim of inferred geometry by its id: 1 to `FOLDS` in turn, in the order of the claims."""
+    inferred = [claim.id for claim in claims if claim.geometry == "inferred"]
+    return {name: 1 + index % FOLDS for index, name in enumerate(inferred)}
 
 
 def parse(data: bytes, source: str) -> list[Claim]:
@@ -227,16 +239,28 @@ def parse(data: bytes, source: str) -> list[Claim]:
     return claims
 
 
-def evaluate(claims: Sequence[Claim], measured: Mapping[str, Quantity]) -> list[EvaluatedClaim]:
+def evaluate(
+    claims: Sequence[Claim],
+    measured: Mapping[str, Quantity],
+    without_folds: Mapping[int, Mapping[str, Quantity]] | None = None,
+) -> list[EvaluatedClaim]:
     """Compare each claim with what the studies measured, in the order of the claims.
 
     A claim agrees if every element of every quantity meets its condition, differs if none does, and agrees partly
     otherwise. It is not evaluated if a quantity was not measured.
 
+    Args:
+        claims: all, as their order decides on folds.
+        measured: by the studies.
+        without_folds: of each fold, what is measured over shapes that were searched for without its claims.
+
     Raises:
         InputError: a quantity is of the wrong kind for its criterion.
     """
-    return [_evaluated(claim, measured) for claim in claims]
+    fold_of, over_other_shapes = folds(claims), without_folds or {}
+    return [
+        _evaluated(claim, measured, _held_out(claim, fold_of.get(claim.id), over_other_shapes)) for claim in claims
+    ]
 
 
 def write(evaluated: Sequence[EvaluatedClaim], path: Path) -> None:
@@ -256,19 +280,24 @@ def table(evaluated: Sequence[EvaluatedClaim]) -> Table:
         Column("where", "in the paper"),
         Column("statement"),
         Column("geometry", "geometry"),
-        Column("role", "role"),
         Column("result", "result"),
+        Column("held_out", "held out"),
         Column("measured", "measured"),
         Column("why"),
     )
-    rows = [(e.id, e.where, e.statement, e.geometry, e.role, e.result, e.measured, e.why) for e in evaluated]
+    rows = [
+        (e.id, e.where, e.statement, e.geometry, e.result, e.held_out and e.held_out.result, e.measured, e.why)
+        for e in evaluated
+    ]
     return Table("What the paper says and what was measured", columns, list(rows))
 
 
 def summary(evaluated: Sequence[EvaluatedClaim]) -> Table:
-    """Count the claims by geometry, role and result, with the share of those evaluated that agree.
+    """Count the claims by geometry and result, with the share of those evaluated that agree.
 
-    The last two columns count those as well whose criteria asked for more than the statement says, by what it says.
+    Claims of inferred geometry are counted over the shapes that ship, and again over those that were searched for without
+    their fold. The last two columns count those as well whose criteria asked for more than the statement says, by what
+    it says.
     """
     columns = (
         Column("geometry", "geometry"),
@@ -277,24 +306,43 @@ def summary(evaluated: Sequence[EvaluatedClaim]) -> Table:
         Column("agrees_corrected", "agrees, criteria corrected", 0),
         Column("agree_corrected_percent", "agree %, criteria corrected", 0),
     )
+    of_kind = {kind: [one for one in evaluated if one.geometry == kind] for kind in get_args(GeometrySource)}
+    held_out = [one.held_out for one in evaluated if one.held_out]
     rows = [
-        (f"{geometry}, {role}" if role else geometry, *_counts([e for e in evaluated if (e.geometry, e.role) == kind]))
-        for kind in GEOMETRIES
-        for geometry, role in [kind]
+        ("exact", *_counts(of_kind["exact"])),
+        ("inferred, all claims given", *_counts(of_kind["inferred"])),
+        ("inferred, held out", *_counts(held_out)),
+        ("assumed", *_counts(of_kind["assumed"])),
+        ("none", *_counts(of_kind["none"])),
     ]
-    return Table("Claims by what the paper gives of the geometry", columns, [*rows, ("all", *_counts(evaluated))])
+    return Table("Claims by what the paper gives of the geometry", columns, rows)
 
 
-def _counts(claims: Sequence[EvaluatedClaim]) -> tuple[float | None, ...]:
-    counts = [sum(claim.result == result for claim in claims) for result in RESULTS]
+def _counts(evaluated: Sequence[EvaluatedClaim] | Sequence[HeldOutResult]) -> tuple[float | None, ...]:
+    counts = [sum(one.result == result for one in evaluated) for result in RESULTS]
     evaluable = sum(counts[:3])
-    corrected = sum(claim.corrected_result == "agrees" for claim in claims)
+    corrected = sum(one.corrected_result == "agrees" for one in evaluated)
     shares = [100 * agreeing / evaluable if evaluable else None for agreeing in (counts[0], corrected)]
     return (*counts, shares[0], corrected, shares[1])
 
 
-def _evaluated(claim: Claim, measured: Mapping[str, Quantity]) -> EvaluatedClaim:
-    values = {c.key: _plain(measured[c.key]) for c in claim.all_criteria if c.key in measured}
+def _held_out(
+    claim: Claim, fold: int | None, without_folds: Mapping[int, Mapping[str, Quantity]]
+) -> HeldOutResult | None:
+    if fold not in without_folds:
+        return None
+    values = _values(claim, without_folds[fold])
+    corrected = claim.corrected.criteria if claim.corrected else claim.criteria
+    return HeldOutResult(
+        fold=fold,
+        measured=_measured(claim.criteria, values),
+        result=_result(claim.criteria, values),
+        corrected_result=_result(corrected, values),
+    )
+
+
+def _evaluated(claim: Claim, measured: Mapping[str, Quantity], held_out: HeldOutResult | None) -> EvaluatedClaim:
+    values = _values(claim, measured)
     missing = [c.key for c in claim.criteria if c.key not in values]
     result = _result(claim.criteria, values)
     failed = [c for c in claim.criteria if c.key in values and not all(c.holds(values[c.key]))]
@@ -305,7 +353,6 @@ def _evaluated(claim: Claim, measured: Mapping[str, Quantity]) -> EvaluatedClaim
         where=claim.where,
         study=claim.study,
         geometry=claim.geometry,
-        role=claim.role,
         criterion=_criterion(claim.criteria),
         note=claim.note,
         measured=_measured(claim.criteria, values),
@@ -320,7 +367,12 @@ def _evaluated(claim: Claim, measured: Mapping[str, Quantity]) -> EvaluatedClaim
         )
         if corrected
         else None,
+        held_out=held_out,
     )
+
+
+def _values(claim: Claim, measured: Mapping[str, Quantity]) -> dict[str, Quantity]:
+    return {c.key: _plain(measured[c.key]) for c in claim.all_criteria if c.key in measured}
 
 
 def _result(criteria: Sequence[Condition], values: Mapping[str, Quantity]) -> ClaimResult:

@@ -118,9 +118,10 @@ def _at_speed(
 ) -> FloatArray:
     """Return the fields of `ForceExcess` at one speed, (3, n_position)."""
     smooth, static_n = SmoothRailPassage(context, BILBAO, speed_kmh), vehicle_track.wheel.static_load_n
+    stride = context.stride(BILBAO, speed_kmh)
     found = np.empty((3, len(positions_m)))
     for column, position in enumerate(positions_m.tolist()):
-        history = vehicle_track.history(wheel_path, speed_kmh, position)
+        history = vehicle_track.history(wheel_path, speed_kmh, position, stride=stride)
         without_n = smooth.force_n(history.x_m)
         peak = int(np.argmax(history.force_n))
         found[:, column] = (
@@ -178,8 +179,10 @@ def _claim_quantities(
     curves = [features(speeds, force) for force in increment[:, near].T]
     has_minimum = [any(120 <= minimum.lowest_kmh <= 200 for minimum in curve.hollows) for curve in curves]
     above = dynamic > increment
+    depressions = [_depressions(force) for force in (dynamic, increment)]
     return {
         "increment.minimum_cells_ratio": cells[1] / cells[0] if cells[0] else np.nan,
+        "increment.depressions_ratio": depressions[1] / depressions[0] if depressions[0] else np.nan,
         "increment.minimum_share_120_200kmh_15_35cm": float(np.mean(has_minimum)),
         "increment.spread_ratio": _spread(increment) / _spread(dynamic),
         "increment.roughness_ratio": _roughness(increment) / _roughness(dynamic),
@@ -187,6 +190,14 @@ def _claim_quantities(
         "increment.share_a_above_b": float(above.mean()),
         "increment.smooth_above_static_share": float((excess.smooth_n[above] > 0).mean()) if above.any() else np.nan,
     }
+
+
+def _depressions(force_n: FloatArray) -> int:
+    """Return how many cells are lower than all eight around them, round the span; not at the first or last speed."""
+    around = np.pad(force_n, ((0, 0), (1, 1)), mode="wrap")
+    neighbourhoods = np.lib.stride_tricks.sliding_window_view(around, (3, 3)).reshape(-1, 9)
+    centre, neighbours = neighbourhoods[:, 4], np.delete(neighbourhoods, 4, axis=1)
+    return int(np.sum(centre < neighbours.min(axis=1)))
 
 
 def _spread(force_n: FloatArray) -> float:

@@ -1,14 +1,13 @@
 """Search for shapes of the paper's welds that meet what its text says: differential evolution on the studies' own grid.
 
-The cost of a shape is summed over the fitted claims (`role` in `data/claims.yaml`), each the mean of its criteria: 0 if
-a criterion holds, else between a half and one, the more the further its quantity is from holding. The claims that are
-held out are not looked at before a search has ended. Wavelengths that the text gives a weld count as one claim more.
+The cost of a shape is summed over the claims given to the search, each the mean of its criteria: 0 if a criterion holds,
+else between a half and one, the more the further its quantity is from holding. Claims that are held out (`data/claims.yaml`
+says how) are not looked at. Wavelengths that the text gives a weld count as one claim more.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, TypeAlias
 
 import msgspec
 import numpy as np
@@ -30,14 +29,13 @@ from weld_force_ros.studies.shape_prior import Prior, Term
 from weld_force_ros.studies.study_context import Profile, Quantities, StudyContext
 from weld_force_ros.studies.weld_map import weld_maps
 
-GENERATIONS = 60
+GENERATIONS = 80
 _MEMBERS_PER_PARAMETER = 4
-Also: TypeAlias = Literal["motion", "increment", "spectrum", "all"]
-_OF_WELD_1: dict[Also, Callable[[StudyContext, Profile], Quantities]] = {
-    "motion": motion_study.quantities_over_weld_1,
-    "increment": increment_study.quantities_over_weld_1,
-    "spectrum": spectrum_study.quantities_over_weld_1,
-}
+_OF_WELD_1 = (
+    motion_study.quantities_over_weld_1,
+    increment_study.quantities_over_weld_1,
+    spectrum_study.quantities_over_weld_1,
+)
 _WAVELENGTH_TOLERANCE = 0.1
 _NO_SCALE_N = 10e3  # a tenth of the static load: how far a force is from the sign that it should have
 
@@ -47,19 +45,19 @@ class Solution(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
     Attributes:
         weld: `weld-1` to `weld-5`.
+        without_fold: as of `Inference`.
         seed: of the search.
-        cost: what is left of it; 0 if the shape meets every fitted claim.
+        cost: what is left of it; 0 if the shape meets every claim given.
         terms: of the shape.
         prior_sha256: of the prior that it was drawn from.
-        also: as of `Inference`.
     """
 
     weld: str
+    without_fold: int | None
     seed: int
     cost: float
     terms: list[Term]
     prior_sha256: str
-    also: Also | None = None
 
     @property
     def profile(self) -> Profile:
@@ -75,14 +73,13 @@ class Inference:
         weld: `weld-1` to `weld-5`.
         prior: of its shape.
         context: the paper's track and wheel.
-        also: a study of weld 1 whose claims the search is given, too, though they are held out, or `all` such claims
-            of any weld: to see whether any shape meets them.
+        without_fold: whose claims the search is not given; None if it is given all.
     """
 
     weld: str
     prior: Prior
     context: StudyContext
-    also: Also | None = None
+    without_fold: int | None = None
 
     @property
     def number(self) -> int:
@@ -91,8 +88,9 @@ class Inference:
 
     @cached_property
     def given(self) -> list[Claim]:
-        """Return the claims that a search is given: the fitted ones, and those of the study `also`."""
-        return [c for c in claims.load() if c.role == "fitted" or (c.role and self.also in (c.study, "all"))]
+        """Return the claims that a search is given, those on other welds included, which it does not measure."""
+        every = claims.load()
+        return [claim for claim in every if claims.folds(every).get(claim.id, self.without_fold) != self.without_fold]
 
     def cost(self, parameters: FloatArray) -> float:
         """Return how far a shape is from meeting the claims given.
@@ -106,30 +104,29 @@ class Inference:
         excess = shape_prior.curvature_share(profile) - shape_prior.MOST_CURVATURE
         if excess > 0:
             return len(self.given) + 1 + excess
-        measured = self.quantities(profile)
+        measured = self._quantities(profile, self._coarse)
         of_claims = sum(cost_of(claim, measured) or 0.0 for claim in self.given)
         return of_claims + wavelength_cost(self.prior.wavelengths_m, profile)
 
     def quantities(self, profile: Profile) -> Quantities:
-        """Return what the claims given ask for of this weld, as the studies measure it."""
+        """Return what claims ask for of this weld, as the studies measure it."""
+        return self._quantities(profile, self.context)
+
+    @cached_property
+    def _coarse(self) -> StudyContext:
+        return replace(self.context, coarse=True)
+
+    def _quantities(self, profile: Profile, slow_ones: StudyContext) -> Quantities:
+        """Return what claims ask for of this weld, with a context of its own for what takes long."""
         with np.errstate(all="ignore"):  # a shape without a hollow has no depth
             (weld_map,) = weld_maps(self.context, {self.weld: profile})
             measured = of_weld(self.number, weld_map)
             if self.number == 1:
                 measured |= curve_study.quantities_over(self.context, profile)
-                for study, quantities_of in _OF_WELD_1.items():
-                    if self.also in (study, "all"):
-                        measured |= quantities_of(self.context, profile)
+                for quantities_of in _OF_WELD_1:
+                    measured |= quantities_of(slow_ones, profile)
             if self.number == 5:
                 measured |= motion_study.quantities_over_weld_5(self.context, profile)
-        return measured
-
-    def all_quantities(self, profile: Profile) -> Quantities:
-        """Return also what claims that are held out ask for of this weld."""
-        measured = self.quantities(profile)
-        if self.number == 1:
-            for quantities_of in _OF_WELD_1.values():
-                measured |= quantities_of(self.context, profile)
         return measured
 
     def search(self, seed: int, on_generation: Callable[[], object] = lambda: None) -> Solution:
@@ -145,11 +142,11 @@ class Inference:
         )  # fmt: skip
         return Solution(
             weld=self.weld,
+            without_fold=self.without_fold,
             seed=seed,
             cost=float(found.fun),
             terms=shape_prior.terms_of(found.x),
             prior_sha256=self.prior.sha256,
-            also=self.also,
         )
 
 
@@ -164,8 +161,12 @@ def wavelength_cost(wavelengths_m: Sequence[float], profile: Profile) -> float:
 
 
 def cost_of(claim: Claim, measured: Quantities) -> float | None:
-    """Return the mean cost of a claim's criteria as far as their quantities were measured, None if none was."""
-    costs = [_cost(c, measured[c.key]) for c in claim.criteria if c.key in measured]
+    """Return the mean cost of a claim's criteria as far as their quantities were measured, None if none was.
+
+    Where criteria were corrected, that is what the statement asks for.
+    """
+    criteria = claim.corrected.criteria if claim.corrected else claim.criteria
+    costs = [_cost(c, measured[c.key]) for c in criteria if c.key in measured]
     return float(np.mean(costs)) if costs else None
 
 
@@ -194,21 +195,3 @@ def _distance(condition: Condition, value: float | bool | str) -> float:
         return np.nan
     scale = abs(limit) or (_NO_SCALE_N if condition.key.endswith("_n") else 1.0)
     return abs(value - limit) / scale
-
-
-def held(measured: Quantities) -> dict[str, bool]:
-    """Return of each claim with a role, by its id, whether it holds as far as it was measured; none that was not."""
-    costs = {claim.id: cost_of(claim, measured) for claim in claims.load() if claim.role}
-    return {name: cost == 0 for name, cost in costs.items() if cost is not None}
-
-
-def chosen(solutions: Sequence[Solution]) -> Solution:
-    """Return the solution that is shipped: of those with the least cost the most typical.
-
-    That is the one whose heights differ least from those of the others, RMS, on average (their medoid).
-    """
-    least = min(round(one.cost, 6) for one in solutions)
-    equals = [one for one in solutions if round(one.cost, 6) == least]
-    heights_m = [one.profile[1] for one in equals]
-    apart_m = [float(np.mean([shape_prior.rms(z - other) for other in heights_m])) for z in heights_m]
-    return equals[int(np.argmin(apart_m))]

@@ -16,15 +16,19 @@ CLEAR = 0.01  # of the largest amplitude: how far a spectral peak stands out
 _LARGE = 0.1  # of the largest amplitude
 
 
-def record(vehicle_track: VehicleTrackModel, wheel_path: WheelPath, speed_kmh: float) -> History:
+def record(vehicle_track: VehicleTrackModel, wheel_path: WheelPath, speed_kmh: float, stride: int = 1) -> History:
     """Simulate a passage with the weld's centre at 0 and smooth rail on either side.
 
     Its force is the static load and what the weld adds to it; the effect of sleepers, if any, is subtracted.
+    `stride` is as of `VehicleTrackModel.history`.
     """
     samples = round(MARGIN_M / RESAMPLED_STEP_M)
     start_m = wheel_path.start_m - samples * RESAMPLED_STEP_M
     height_m = np.pad(wheel_path.height_m, samples)
-    passage, smooth = (vehicle_track.history(WheelPath(start_m, z), speed_kmh, 0.0) for z in (height_m, 0.0 * height_m))
+    passage, smooth = (
+        vehicle_track.history(WheelPath(start_m, z), speed_kmh, 0.0, stride=stride)
+        for z in (height_m, 0.0 * height_m)
+    )
     return replace(passage, force_n=vehicle_track.wheel.static_load_n + passage.force_n - smooth.force_n)
 
 

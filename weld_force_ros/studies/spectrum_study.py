@@ -73,7 +73,8 @@ def quantities_over_weld_1(context: StudyContext, weld: Profile) -> Quantities:
 
 def _excitation(context: StudyContext, weld: str, speed_kmh: float, profile: Profile | None = None) -> Excitation:
     wheel_path = context.wheel_path(weld if profile is None else profile, CONTINUOUS)
-    passage = passage_records.record(context.vehicle_track(CONTINUOUS), wheel_path, speed_kmh)
+    stride = context.stride(CONTINUOUS, speed_kmh)
+    passage = passage_records.record(context.vehicle_track(CONTINUOUS), wheel_path, speed_kmh, stride)
     force, irregularity = (
         of(passage, speed_kmh) for of in (passage_records.force_spectrum, passage_records.irregularity_spectrum)
     )

@@ -65,7 +65,7 @@ class StudyContext:
     Attributes:
         own_weld: weld to study instead of the paper's.
         own_track: name or file of a track to use instead of the paper's.
-        coarse: use every third speed and position only, to see whether a study works.
+        coarse: use every third speed and position only, and the longest steps: to see whether a study works.
     """
 
     own_weld: WeldProfile | None = None
@@ -145,15 +145,19 @@ class StudyContext:
         wheel_path = self.wheel_path(weld, track)
         vehicle_track = self.vehicle_track(track)
         until_m = position_m + wheel_path.end_m + 2 * vehicle_track.model.spacing_m
-        return vehicle_track.history(wheel_path, speed_kmh, position_m, until_m=until_m)
+        stride = self.stride(track, speed_kmh)
+        return vehicle_track.history(wheel_path, speed_kmh, position_m, until_m=until_m, stride=stride)
 
     def smooth_rail(self, track: str, speed_kmh: float, spans: int) -> History:
         """Simulate a passage over rail without a weld, whole spans from a sleeper on."""
         flat = WheelPath(0.0, np.zeros(2))
         vehicle_track = self.vehicle_track(track)
-        return vehicle_track.history(
-            flat, speed_kmh, vehicle_track.model.spacing_m, until_m=spans * vehicle_track.model.spacing_m
-        )
+        spacing_m, stride = vehicle_track.model.spacing_m, self.stride(track, speed_kmh)
+        return vehicle_track.history(flat, speed_kmh, spacing_m, until_m=spans * spacing_m, stride=stride)
+
+    def stride(self, track: str, speed_kmh: float) -> int:
+        """Return in which steps single passages are computed: the shortest, or the longest if coarse."""
+        return self.vehicle_track(track).solver.coarsest_stride(speed_kmh) if self.coarse else 1
 
     def speeds(self, first_kmh: float, last_kmh: float, step_kmh: float) -> FloatArray:
         """Return a grid of speeds with both ends."""

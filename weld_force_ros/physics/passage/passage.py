@@ -65,7 +65,7 @@ class VehicleTrackModel:
         self.solver = SteadyStateSolver(model, wheel)
         self._threads = thread_count(threads)
         # Histories are asked for at many positions of one speed.
-        self._in_shortest_steps = lru_cache(_MOST_REMEMBERED)(lambda speed_kmh: self.solver.steady_state(speed_kmh, 1))
+        self._steady_state = lru_cache(_MOST_REMEMBERED)(self.solver.steady_state)
         self._peak_maps = PeakMapSolver(self.solver)
 
     @property
@@ -165,8 +165,12 @@ class VehicleTrackModel:
             for some_maps in waiting:
                 yield from some_maps.result()
 
-    def history(self, wheel_path: WheelPath, speed_kmh: float, position_m: float, *, until_m: float = 0.0) -> History:
-        """Return one passage in the shortest steps, from a span before the weld to a span after, or `until_m`.
+    def history(
+        self, wheel_path: WheelPath, speed_kmh: float, position_m: float, *, until_m: float = 0.0, stride: int = 1
+    ) -> History:
+        """Return one passage, from a span before the weld to a span after, or `until_m`.
+
+        `stride` is how many points of the solver's grid a step has, at most its `coarsest_stride` of the speed.
 
         Raises:
             InputError: a speed that is not positive, or anything that is not finite.
@@ -174,16 +178,16 @@ class VehicleTrackModel:
         """
         speed_kmh, position_m = float(checked_speeds(speed_kmh)[0]), float(checked_axis("position", position_m)[0])
         solver, span = self.solver, self.model.spacing_m
-        steady_state = self._in_shortest_steps(speed_kmh)
+        steady_state = self._steady_state(speed_kmh, stride)
         start = solver.start(position_m + wheel_path.start_m - span)
         last_m = max(position_m + wheel_path.end_m + span, until_m)
-        steps = solver.steps(1, last_m - start * solver.grid_m) + 1
-        x = (start + np.arange(steps)) * solver.grid_m
+        steps = solver.steps(stride, last_m - start * solver.grid_m) + 1
+        x = (start + stride * np.arange(steps)) * solver.grid_m
         irregularity = wheel_path.at(x - position_m)
         state, step = solver.initial_state(steady_state, start), steady_state.step
         result = np.empty((steps, 3))
         _scalar_passage.history_of_passage(
-            state[:-3], state[-3:], step, start, -irregularity, solver.physics, steady_state.dt_s, result
+            state[:-3], state[-3:], step, start // stride, -irregularity, solver.physics, steady_state.dt_s, result
         )
         if not np.all(np.isfinite(result)):
             raise NumericalError("the passage did not stay finite; the fit of this track cannot be used at that speed")
@@ -191,7 +195,7 @@ class VehicleTrackModel:
 
     def start(self, wheel_path: WheelPath, speed_kmh: float, position_m: float) -> Start:
         """Return the state in which a passage of `peak_map` begins, in the shortest step and its scaling of states."""
-        steady_state = self._in_shortest_steps(speed_kmh)
+        steady_state = self._steady_state(speed_kmh, 1)
         first_m, end_m = wheel_path.nonzero_extent_m
         first = self.solver.start(position_m + first_m)
         state = self.solver.initial_state(steady_state, first)
