@@ -4,6 +4,7 @@ import json
 import math
 from typing import get_args
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -17,7 +18,6 @@ from weld_force_ros.studies.claims import (
     Correction,
     EvaluatedClaim,
     GeometrySource,
-    Role,
     StudyName,
 )
 
@@ -37,7 +37,6 @@ WELL_FORMED = """
 def claim(
     *criteria: Condition,
     geometry: GeometrySource = "exact",
-    role: Role | None = None,
     if_not: str | None = None,
     corrected: Correction | None = None,
 ) -> Claim:
@@ -46,7 +45,6 @@ def claim(
         where="section 6",
         statement="Something is so.",
         geometry=geometry,
-        role=role,
         study="length",
         criteria=list(criteria),
         note="Because it is.",
@@ -228,27 +226,53 @@ def test_the_table_has_a_row_a_claim_and_the_summary_counts_them_by_geometry(tmp
             claim(RATIO, geometry="assumed"),
             claim(SPREAD),
             claim(geometry="none"),
-            claim(RATIO, geometry="inferred", role="fitted"),
-            claim(MAXIMUM, geometry="inferred", role="held-out"),
+            claim(MAXIMUM, geometry="inferred"),
         ],
         {"length.maximum_kmh": 53.0, "length.ratio": 0.1},
+        {1: {"length.maximum_kmh": 60.0}},
     )
     table = claims.table(verdicts)
     results = [column.name for column in table.columns].index("result")
     assert [row[results] for row in table.rows] == [
-        "agrees", "differs", "differs", "not evaluated", "not-testable", "differs", "agrees"
+        "agrees", "differs", "differs", "not evaluated", "not-testable", "agrees"
     ]  # fmt: skip
     counted = claims.summary(verdicts)
     assert counted.rows == [
         ("exact", 1, 0, 1, 1, 0, 50.0, 1, 50.0),
-        ("inferred, fitted", 0, 0, 1, 0, 0, 0.0, 0, 0.0),
-        ("inferred, held-out", 1, 0, 0, 0, 0, 100.0, 1, 100.0),
+        ("inferred, all claims given", 1, 0, 0, 0, 0, 100.0, 1, 100.0),
+        ("inferred, held out", 0, 0, 1, 0, 0, 0.0, 0, 0.0),
         ("assumed", 0, 0, 1, 0, 0, 0.0, 0, 0.0),
         ("none", 0, 0, 0, 0, 1, None, 0, None),
-        ("all", 2, 0, 3, 1, 1, 40.0, 2, 40.0),
     ]
     counted.write_csv(tmp_path / "summary.csv")
     assert (tmp_path / "summary.csv").read_text(encoding="utf-8").startswith("geometry,agrees,partly,differs,")
+
+
+def test_claims_of_inferred_geometry_take_folds_in_turn():
+    subjects = [
+        msgspec.structs.replace(claim(RATIO, geometry=geometry), id=f"claim-{number}")
+        for number, geometry in enumerate(["inferred", "exact", *6 * ["inferred"]])
+    ]
+    folds = claims.folds(subjects)
+    assert folds == {f"claim-{n}": fold for n, fold in [(0, 1), (2, 2), (3, 3), (4, 4), (5, 5), (6, 1), (7, 2)]}
+
+
+def test_a_held_out_claim_is_compared_with_what_is_measured_without_its_own_fold():
+    corrected = Correction(criteria=[SPREAD], reason="It asked for more.")
+    subjects = [
+        claim(RATIO, geometry="inferred", corrected=corrected),
+        msgspec.structs.replace(claim(RATIO, geometry="inferred"), id="another"),
+        claim(RATIO),
+    ]
+    without_folds = {1: {"length.ratio": 0.2, "length.spread": 0.05}, 2: {"length.ratio": 0.9}}
+    first, second, exact = claims.evaluate(subjects, {"length.ratio": 0.8}, without_folds)
+    assert first.held_out is not None
+    assert (first.result, first.held_out.result, first.held_out.corrected_result) == ("agrees", "differs", "agrees")
+    assert first.held_out.measured == "0.2, required: above 0.5"
+    assert second.held_out is not None
+    assert (second.held_out.fold, second.held_out.result) == (2, "agrees")
+    assert exact.held_out is None
+    assert all(one.held_out is None for one in claims.evaluate(subjects, {"length.ratio": 0.8}))
 
 
 def test_a_well_formed_file_is_read_as_it_stands():
@@ -273,8 +297,6 @@ def test_a_well_formed_file_is_read_as_it_stands():
         ("within:", "outside:", "outside"),
         ("\n    - {key: length.first_maximum_kmh, within: [51.4, 54.6]}", " []", "geometry"),
         ("exact", "none", "geometry"),
-        ("exact", "inferred", "role"),
-        ("exact", "exact\n  role: fitted", "role"),
         ("id: first-maximum", "id: First Maximum", "id"),
         ("  note:", "  corrected: {criteria: [], reason: Too much.}\n  note:", "criteria"),
         (

@@ -9,9 +9,18 @@ import pytest
 from weld_force_ros.cli.main import main
 from weld_force_ros.errors import InputError
 from weld_force_ros.measurement import profile_file
-from weld_force_ros.studies import claims, increment_study, inference, inference_study, no_progress, shape_prior
-from weld_force_ros.studies.claims import Claim, Condition
-from weld_force_ros.studies.inference import Inference, Solution, chosen, cost_of, held, wavelength_cost
+from weld_force_ros.studies import (
+    captions,
+    claims,
+    increment_study,
+    inference,
+    inference_study,
+    inferred_shapes,
+    no_progress,
+    shape_prior,
+)
+from weld_force_ros.studies.claims import Claim, Condition, Correction
+from weld_force_ros.studies.inference import Inference, Solution, cost_of, wavelength_cost
 from weld_force_ros.studies.shape_prior import (
     Term,
     curvature_share,
@@ -20,7 +29,7 @@ from weld_force_ros.studies.shape_prior import (
     terms_of,
     wavelengths_of,
 )
-from weld_force_ros.studies.study_context import Quantities, StudyContext
+from weld_force_ros.studies.study_context import StudyContext
 from weld_force_ros.studies.weld_map import upward_ramp
 
 PRIORS = shape_prior.load()
@@ -33,13 +42,14 @@ weld-1:
 DIP = Term(height_um=-300.0, place_mm=10.0, length_mm=25.0)
 
 
-def solution(weld: str = "weld-1", seed: int = 1, cost: float = 0.0, term: Term = DIP) -> Solution:
-    return Solution(weld=weld, seed=seed, cost=cost, terms=[term], prior_sha256=PRIORS[weld].sha256)
+def solution(weld: str = "weld-1", without_fold: int | None = None, prior_sha256: str | None = None) -> Solution:
+    sha256 = PRIORS[weld].sha256 if prior_sha256 is None else prior_sha256
+    return Solution(weld=weld, without_fold=without_fold, seed=1, cost=0.0, terms=[DIP], prior_sha256=sha256)
 
 
 def claim(*criteria: Condition) -> Claim:
     return Claim(
-        id="a-claim", where="section 3", statement="So it is.", geometry="inferred", role="fitted", study="map",
+        id="a-claim", where="section 3", statement="So it is.", geometry="inferred", study="map",
         criteria=list(criteria), note="Because it is.",
     )  # fmt: skip
 
@@ -106,14 +116,6 @@ def test_strong_components_are_the_waves_that_a_profile_consists_of():
     assert wavelength_cost([0.165], (x, 0.0 * z)) == 1
 
 
-def test_a_prior_is_cut_to_fewer_free_terms_and_keeps_what_the_words_name():
-    simpler = PRIORS["weld-1"].with_free_terms(1)
-    assert PRIORS["weld-1"].free_terms == 4
-    assert [term.what for term in simpler.terms] == ["dip", "free"]
-    assert simpler.sha256 != PRIORS["weld-1"].sha256
-    assert PRIORS["weld-1"].with_free_terms(4) == PRIORS["weld-1"]
-
-
 def test_a_ramp_leads_from_level_rail_to_the_first_crest():
     x = np.linspace(-0.5, 0.5, 1001)
     z = np.interp(x, [-0.3, -0.2, -0.1, 0.1, 0.3], [0.0, 1e-4, 0.5e-4, 2e-4, 0.0])
@@ -164,40 +166,32 @@ def test_the_nearer_a_quantity_the_less_it_costs():
     assert len(set(costs)) == 5
 
 
-def test_claims_hold_as_far_as_they_were_measured_and_are_counted_by_role():
-    measured: Quantities = {
-        "map.linearity_weld_4": 0.98, "map.peak_on_ramp_share_weld_4": 0.5, "map.position_spread_weld_4": 0.1,
-    }  # fmt: skip
-    given = frozenset({"weld-4-linear", "weld-4-peak-from-ramp"})
-    found = inference_study.Found(solution("weld-4"), held(measured), given)
-    assert found.held == {
-        "weld-4-linear": True, "weld-4-peak-from-ramp": False, "weld-4-position-does-not-matter": True,
-    }  # fmt: skip
-    assert found.counted("fitted") == (1, 2)
-    assert found.counted("held-out") == (1, 1)
-    assert held({}) == {}
+def test_where_criteria_were_corrected_those_count():
+    subject = msgspec.structs.replace(
+        claim(WITHIN), corrected=Correction(criteria=[ABOVE], reason="It asked for more.")
+    )
+    assert cost_of(subject, {"map.speed_kmh": 300.0, "map.depth": 0.3}) == 0
+    assert cost_of(subject, {"map.speed_kmh": 300.0}) is None
 
 
-def test_a_search_is_given_fitted_claims_only():
-    roles = {subject.id: subject.role for subject in claims.load()}
-    given = Inference("weld-1", PRIORS["weld-1"], StudyContext()).given
-    assert given
-    assert {roles[subject.id] for subject in given} == {"fitted"}
+def test_claims_are_counted_apart_by_whether_the_search_was_given_them():
+    held = {"weld-4-linear": True, "weld-4-peak-from-ramp": False, "weld-4-position-does-not-matter": True}
+    found = inference_study.Found(solution("weld-4", 3), held, frozenset({"weld-4-position-does-not-matter"}))
+    assert found.counted(held_out=False) == (1, 2)
+    assert found.counted(held_out=True) == (1, 1)
 
 
-def test_a_search_may_be_given_a_study_more_which_then_counts_as_fitted():
-    plain, also = (Inference("weld-1", PRIORS["weld-1"], StudyContext(), study).given for study in (None, "motion"))
-    more = [subject for subject in also if subject not in plain]
-    assert len(more) >= 5
-    assert {(subject.study, subject.role) for subject in more} == {("motion", "held-out")}
-
-
-def test_the_solution_that_ships_is_that_of_least_cost_and_of_equals_the_most_typical():
-    low, middle, high = (solution(seed=n, term=Term(-100.0 * n, 0.0, 60.0)) for n in (1, 2, 3))
-    costly = [solution(seed=n, cost=0.5, term=Term(-300.0, 0.0, 60.0)) for n in (4, 5)]
-    assert chosen([low, middle, high, *costly]) is middle
-    # Between 200 and 300 um lie five hundredths of the way: the nearer pair decides.
-    assert chosen([low, high, solution(seed=6, term=Term(-290.0, 0.0, 60.0))]).seed == 6
+def test_a_search_is_given_all_claims_of_inferred_geometry_but_those_of_its_fold():
+    inferred = {subject.id for subject in claims.load() if subject.geometry == "inferred"}
+    given = [
+        {subject.id for subject in Inference("weld-1", PRIORS["weld-1"], StudyContext(), fold).given}
+        for fold in (None, *range(1, claims.FOLDS + 1))
+    ]
+    assert given[0] == inferred
+    held_out = [inferred - some for some in given[1:]]
+    assert set.union(*held_out) == inferred
+    assert sum(map(len, held_out)) == len(inferred)  # each once
+    assert {len(some) for some in held_out} == {9, 10}
 
 
 def test_a_shape_that_the_wheel_touches_twice_costs_more_than_any_other():
@@ -211,19 +205,23 @@ def test_a_shape_that_the_wheel_touches_twice_costs_more_than_any_other():
 def quick(monkeypatch):
     """Searches whose cost is the distance of their first height from -333 um, and no passages."""
     monkeypatch.setattr(Inference, "cost", lambda _self, parameters: abs(parameters[0] + 333.0))
-    monkeypatch.setattr(Inference, "all_quantities", lambda _self, _profile: {"map.linearity_weld_4": 0.98})
+    monkeypatch.setattr(Inference, "quantities", lambda _self, _profile: {"map.linearity_weld_4": 0.98})
     monkeypatch.setattr(
         increment_study,
         "quantities_over_weld_1",
-        lambda _context, weld: {"increment.minimum_cells_ratio": 1.0, "increment.spread_ratio": -1e4 * weld[1].min()},
-    )
+        lambda _context, weld: {
+            "increment.minimum_cells_ratio": 1.0, "increment.depressions_ratio": 0.5,
+            "increment.spread_ratio": -1e4 * weld[1].min(),
+        },
+    )  # fmt: skip
 
 
 @pytest.mark.usefixtures("quick")
 def test_a_search_finds_a_known_minimum_within_the_prior_and_again_with_its_seed():
-    sought = Inference("weld-1", PRIORS["weld-1"], StudyContext())
+    sought = Inference("weld-1", PRIORS["weld-1"], StudyContext(), 2)
     generations: list[int] = []
     found = sought.search(7, lambda: generations.append(1))
+    assert found.without_fold == 2
     assert found.terms[0].height_um == pytest.approx(-333.0, abs=0.5)
     assert found.cost == abs(found.terms[0].height_um + 333.0)
     assert 1 <= len(generations) <= inference.GENERATIONS + 1
@@ -235,61 +233,76 @@ def test_a_search_finds_a_known_minimum_within_the_prior_and_again_with_its_seed
 
 @pytest.mark.usefixtures("quick")
 def test_a_second_run_takes_what_the_first_found_unless_the_prior_changed(tmp_path, monkeypatch):
-    first = inference_study.run(StudyContext(), "weld-1", 2, tmp_path, no_progress)
-    assert [row[2] for row in first.tables["solutions"].rows] == [1.0, 2.0]
+    first = inference_study.run(StudyContext(), "weld-1", 1, tmp_path, no_progress)
+    assert [row[1] for row in first.tables["solutions"].rows] == [None, 1.0, 2.0, 3.0, 4.0, 5.0]
     heights = first.tables["heights"].rows  # one shape, lower and higher
-    assert [row[0] for row in heights] == [0.2, 0.5, 1.0, 3.0]
-    np.testing.assert_allclose([row[3] for row in heights], 1e4 * 333e-6 * np.array([0.2, 0.5, 1.0, 3.0]), rtol=0.01)
+    assert [row[0] for row in heights] == [0.2, 0.5, 1.0, 2.0, 3.0]
+    np.testing.assert_allclose([row[4] for row in heights], 3.33 * np.array([0.2, 0.5, 1.0, 2.0, 3.0]), rtol=0.01)
     monkeypatch.setattr(Inference, "search", None)
-    assert inference_study.run(StudyContext(), "weld-1", 2, tmp_path, no_progress).tables == first.tables
-    stale = msgspec.structs.replace(solution(seed=1), prior_sha256="0")
-    (tmp_path / "weld-1-free-0-seed-1.json").write_bytes(msgspec.json.encode(stale))
+    assert inference_study.run(StudyContext(), "weld-1", 1, tmp_path, no_progress).tables == first.tables
+    with pytest.raises(TypeError):  # of another seed there is none
+        inference_study.run(StudyContext(), "weld-1", 2, tmp_path, no_progress)
+    stored = tmp_path / "weld-1-without-fold-2-seed-1.json"
+    stored.write_bytes(msgspec.json.encode(solution(without_fold=2, prior_sha256="0")))
     with pytest.raises(TypeError):
         inference_study.run(StudyContext(), "weld-1", 1, tmp_path, no_progress)
-    (tmp_path / "weld-1-free-0-seed-1.json").write_text("{}")
-    with pytest.raises(InputError, match=r"weld-1-free-0-seed-1\.json"):
+    stored.write_text("{}")
+    with pytest.raises(InputError, match=stored.name):
         inference_study.run(StudyContext(), "weld-1", 1, tmp_path, no_progress)
-
-
-@pytest.mark.usefixtures("quick")
-@pytest.mark.parametrize(("least", "terms"), [({2: 0.0}, 2), ({3: 0.0, 4: 0.0}, 3), ({4: 0.5}, 4), ({}, 1)])
-def test_a_weld_has_the_fewest_free_terms_that_do_or_else_the_number_that_got_nearest(
-    tmp_path, monkeypatch, least, terms
-):
-    monkeypatch.setattr(Inference, "cost", lambda _self, parameters: least.get(len(parameters) // 3, 1.0))
-    monkeypatch.setattr(inference, "GENERATIONS", 1)
-    rows = inference_study.run(StudyContext(), "weld-1", 2, tmp_path, no_progress).tables["solutions"].rows
-    assert [row[1] for row in rows] == [terms, terms]
 
 
 @pytest.mark.usefixtures("quick")
 def test_the_command_leaves_shapes_that_are_read_as_welds_and_says_how_they_came_about(tmp_path, capsys):
-    assert main(["study", "infer", "--weld", "4", "--seeds", "2", "--out", str(tmp_path), "--json", "-"]) == 0
+    assert main(["study", "infer", "--weld", "4", "--out", str(tmp_path), "--json", "-"]) == 0
     lines = [msgspec.json.decode(line) for line in capsys.readouterr().out.splitlines()]
-    assert [(line["weld"], line["seed"], line["fitted_met"]) for line in lines] == [("weld-4", 1, 1), ("weld-4", 2, 1)]
-    shipped = (tmp_path / "infer" / "weld-4.csv").read_text(encoding="utf-8")
+    # Weld 4 is linear, which is the second of the folds' claims on it.
+    counts = [(line["without_fold"], line["given_met"], line["held_out_met"]) for line in lines]
+    fold = claims.folds(claims.load())["weld-4-linear"]
+    assert counts == [(None, 1, 0), *((n, int(n != fold), int(n == fold)) for n in range(1, claims.FOLDS + 1))]
+    folder = tmp_path / "infer"
+    shipped = (folder / "weld-4.csv").read_text(encoding="utf-8")
     assert "Inferred from the text" in shipped
-    ((terms, seed),) = [(line["terms"], line["seed"]) for line in lines if line["shipped"]]
-    assert f"seed {seed:.0f}" in shipped
-    stored_in = tmp_path / "infer" / f"weld-4-free-{terms - 3:.0f}-seed-{seed:.0f}.json"  # three terms are named
-    stored = msgspec.json.decode(stored_in.read_bytes(), type=Solution)
-    profile = profile_file.read_profile(tmp_path / "infer" / "weld-4.csv")
+    assert "all claims given, seed 1" in shipped
+    assert "claims of fold 3 held out" in (folder / "weld-4-without-fold-3.csv").read_text(encoding="utf-8")
+    stored = msgspec.json.decode((folder / "weld-4-seed-1.json").read_bytes(), type=Solution)
+    profile = profile_file.read_profile(folder / "weld-4.csv")
     assert profile.weld_id == "weld-4"
     np.testing.assert_allclose(profile.x_m, stored.profile[0], atol=1e-12)
     np.testing.assert_allclose(profile.z_m, stored.profile[1], atol=0.51e-9)
     assert (tmp_path / "infer.html").exists()
-    assert "weld-4,weld-4-linear,fitted,2,2" in (tmp_path / "infer" / "claims.csv").read_text(encoding="utf-8")
+    assert f"weld-4,weld-4-linear,{fold},True,True,6,6" in (folder / "claims.csv").read_text(encoding="utf-8")
+    assert not (folder / inferred_shapes.FILE).exists()  # of all welds only
     assert main(["study", "infer", "--weld", "6", "--out", str(tmp_path)]) == 2
 
 
 @pytest.mark.usefixtures("quick")
-def test_what_a_search_was_given_beside_is_said_in_its_files(tmp_path):
-    folder = tmp_path / "infer"
-    options = ["study", "infer", "--also", "motion", "--seeds", "1", "--out", str(tmp_path)]
-    assert main([*options, "--weld", "1"]) == 0
-    assert "given also what is held out of the study motion" in (folder / "weld-1-also-motion.csv").read_text("utf-8")
-    assert not (folder / "weld-1.csv").exists()
-    assert main(options) == 2
+def test_searches_of_all_welds_leave_the_file_that_held_out_claims_are_evaluated_with(tmp_path, monkeypatch):
+    monkeypatch.setattr(inference, "GENERATIONS", 1)
+    inference_study.run(StudyContext(), None, 1, tmp_path, no_progress)
+    shapes = msgspec.json.decode((tmp_path / inferred_shapes.FILE).read_bytes(), type=list[Solution])
+    assert [(shape.weld, shape.without_fold) for shape in shapes] == [
+        (weld, fold) for weld in PRIORS for fold in (None, *range(1, claims.FOLDS + 1))
+    ]
+
+
+def test_shipped_shapes_are_of_the_prior_that_ships_and_the_profiles_those_given_all_claims():
+    shapes = {(shape.weld, shape.without_fold): shape for shape in inferred_shapes.load()}
+    assert set(shapes) == {(weld, fold) for weld in PRIORS for fold in (None, *range(1, claims.FOLDS + 1))}
+    for (weld, fold), shape in shapes.items():
+        assert shape.prior_sha256 == PRIORS[weld].sha256
+        assert captions.contradictions(weld, shape.profile) == 0
+        assert curvature_share(shape.profile) <= shape_prior.MOST_CURVATURE
+        if fold is None:
+            profile = profile_file.read_profile(profile_file.find(weld))
+            np.testing.assert_allclose(profile.z_m, shape.profile[1], atol=0.51e-9)
+
+
+def test_claims_on_several_welds_are_measured_over_the_shapes_of_their_fold():
+    found = inferred_shapes.quantities_without(2, StudyContext(coarse=True))
+    asked = {c.key for one in claims.load() if one.geometry == "inferred" for c in one.all_criteria}
+    assert asked <= found.keys()
+    # Over the shapes of another fold it is something else.
+    assert found != inferred_shapes.quantities_without(3, StudyContext(coarse=True))
 
 
 def test_a_weld_that_is_not_the_papers_is_refused(tmp_path):

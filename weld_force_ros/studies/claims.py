@@ -123,8 +123,8 @@ class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tru
 
     `where` is its section and figure in the paper. `geometry` is `exact` if the paper gives all that the statement
     depends on, `inferred` if the weld's shape was searched for with its words, `assumed` if the welds are synthetic,
-    `none` if it gives too little for any check. `if_not` says beforehand what a difference would mean, `found` what explained one afterwards, `corrected` which
-    criteria the statement itself asks for.
+    `none` if it gives too little for any check. `if_not` says beforehand what a difference would mean, `found` what
+    explained one afterwards, `corrected` which criteria the statement itself asks for.
     """
 
     id: Annotated[str, Meta(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$")]
@@ -180,8 +180,8 @@ class EvaluatedClaim(msgspec.Struct, kw_only=True, frozen=True):
     """A claim with its result, one entry of `claims.json`. A value there is null where the quantity does not exist.
 
     `result` is by the criteria that were fixed beforehand; `corrected` is beside it where they asked for more than the
-    statement says. `held_out` is beside it where the geometry is inferred, as `result` is over shapes that were searched
-    for with this claim among others.
+    statement says. `held_out` is beside it where the geometry is inferred, as `result` is then over shapes that were
+    searched for with this claim among others.
     """
 
     id: str
@@ -215,7 +215,7 @@ def load() -> list[Claim]:
 
 
 def folds(claims: Sequence[Claim]) -> dict[str, int]:
-    """Return the fold of each claim of inferred geometry by its id: 1 to `FOLDS` in turn, in the order of the claims."""
+    """Return the fold of each claim of inferred geometry by its id: 1 to `FOLDS` in turn, in the claims' order."""
     inferred = [claim.id for claim in claims if claim.geometry == "inferred"]
     return {name: 1 + index % FOLDS for index, name in enumerate(inferred)}
 
@@ -258,9 +258,12 @@ def evaluate(
         InputError: a quantity is of the wrong kind for its criterion.
     """
     fold_of, over_other_shapes = folds(claims), without_folds or {}
-    return [
-        _evaluated(claim, measured, _held_out(claim, fold_of.get(claim.id), over_other_shapes)) for claim in claims
-    ]
+    held_out = {
+        claim.id: _held_out(claim, fold_of[claim.id], over_other_shapes[fold_of[claim.id]])
+        for claim in claims
+        if fold_of.get(claim.id) in over_other_shapes
+    }
+    return [_evaluated(claim, measured, held_out.get(claim.id)) for claim in claims]
 
 
 def write(evaluated: Sequence[EvaluatedClaim], path: Path) -> None:
@@ -286,18 +289,21 @@ def table(evaluated: Sequence[EvaluatedClaim]) -> Table:
         Column("why"),
     )
     rows = [
-        (e.id, e.where, e.statement, e.geometry, e.result, e.held_out and e.held_out.result, e.measured, e.why)
+        (
+            e.id, e.where, e.statement, e.geometry, e.result, e.held_out.result if e.held_out else None, e.measured,
+            e.why,
+        )
         for e in evaluated
-    ]
+    ]  # fmt: skip
     return Table("What the paper says and what was measured", columns, list(rows))
 
 
 def summary(evaluated: Sequence[EvaluatedClaim]) -> Table:
     """Count the claims by geometry and result, with the share of those evaluated that agree.
 
-    Claims of inferred geometry are counted over the shapes that ship, and again over those that were searched for without
-    their fold. The last two columns count those as well whose criteria asked for more than the statement says, by what
-    it says.
+    Claims of inferred geometry are counted over the shapes that ship, and again over those that were searched for
+    without their fold. The last two columns count those as well whose criteria asked for more than the statement says,
+    by what it says.
     """
     columns = (
         Column("geometry", "geometry"),
@@ -326,12 +332,8 @@ def _counts(evaluated: Sequence[EvaluatedClaim] | Sequence[HeldOutResult]) -> tu
     return (*counts, shares[0], corrected, shares[1])
 
 
-def _held_out(
-    claim: Claim, fold: int | None, without_folds: Mapping[int, Mapping[str, Quantity]]
-) -> HeldOutResult | None:
-    if fold not in without_folds:
-        return None
-    values = _values(claim, without_folds[fold])
+def _held_out(claim: Claim, fold: int, measured: Mapping[str, Quantity]) -> HeldOutResult:
+    values = _values(claim, measured)
     corrected = claim.corrected.criteria if claim.corrected else claim.criteria
     return HeldOutResult(
         fold=fold,

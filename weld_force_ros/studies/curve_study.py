@@ -165,7 +165,7 @@ def _draw_impact(axes: Any, impact: ImpactForces | None, speed_kmh: float) -> No
         axes.plot(p2_m * 100, impact.p2_n / 1e3, "v", color=_IMPACT, markersize=5)
 
 
-def quantities_over(context: StudyContext, weld: Profile) -> Quantities:
+def quantities_over_weld_1(context: StudyContext, weld: Profile) -> Quantities:
     """Return what claims ask for of weld 1, over a profile in its place."""
     speeds = context.speeds(*_SPEEDS_KMH)
     peak_map = context.peak_map(weld, BILBAO, speeds, [POSITION_M])

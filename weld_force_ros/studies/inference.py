@@ -1,8 +1,8 @@
 """Search for shapes of the paper's welds that meet what its text says: differential evolution on the studies' own grid.
 
-The cost of a shape is summed over the claims given to the search, each the mean of its criteria: 0 if a criterion holds,
-else between a half and one, the more the further its quantity is from holding. Claims that are held out (`data/claims.yaml`
-says how) are not looked at. Wavelengths that the text gives a weld count as one claim more.
+The cost of a shape is summed over the claims given to the search, each the mean of its criteria: 0 if a criterion
+holds, else between a half and one, the more the further its quantity is from holding. Claims that are held out
+(`data/claims.yaml` says how) are not looked at. Wavelengths that the text gives a weld count as one claim more.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,6 +30,7 @@ from weld_force_ros.studies.study_context import Profile, Quantities, StudyConte
 from weld_force_ros.studies.weld_map import weld_maps
 
 GENERATIONS = 80
+SEARCHES = 9  # where the first meets all that it is given
 _MEMBERS_PER_PARAMETER = 4
 _OF_WELD_1 = (
     motion_study.quantities_over_weld_1,
@@ -122,7 +123,7 @@ class Inference:
             (weld_map,) = weld_maps(self.context, {self.weld: profile})
             measured = of_weld(self.number, weld_map)
             if self.number == 1:
-                measured |= curve_study.quantities_over(self.context, profile)
+                measured |= curve_study.quantities_over_weld_1(self.context, profile)
                 for quantities_of in _OF_WELD_1:
                     measured |= quantities_of(slow_ones, profile)
             if self.number == 5:
@@ -195,3 +196,10 @@ def _distance(condition: Condition, value: float | bool | str) -> float:
         return np.nan
     scale = abs(limit) or (_NO_SCALE_N if condition.key.endswith("_n") else 1.0)
     return abs(value - limit) / scale
+
+
+def most_typical(solutions: Sequence[Solution]) -> Solution:
+    """Return the solution whose heights differ least from those of the others, RMS, on average (their medoid)."""
+    heights_m = [one.profile[1] for one in solutions]
+    apart_m = [float(np.mean([shape_prior.rms(z - other) for other in heights_m])) for z in heights_m]
+    return solutions[int(np.argmin(apart_m))]

@@ -19,7 +19,7 @@ def run(context: StudyContext) -> StudyResult:
     maps = weld_maps(context, {name: context.profile(name) for name in context.welds(*WELDS)})
     seconds = (time.perf_counter() - began) / sum(m.force_n.size for m in maps)
     measured = (
-        _claim_quantities(context, maps) | {"map.seconds_per_passage": seconds} if context.uses_paper_inputs else {}
+        quantities_over(context, maps) | {"map.seconds_per_passage": seconds} if context.uses_paper_inputs else {}
     )
     return StudyResult(
         "map", "Maximum force over speed and position", [map_figures.picture(m) for m in maps],
@@ -56,7 +56,8 @@ def _map_table(weld: WeldMap) -> Table:
     return Table(f"Peaks over {weld.name}", columns, grid_rows(weld.speeds_kmh, weld.positions_m, *values))
 
 
-def _claim_quantities(context: StudyContext, maps: Sequence[WeldMap]) -> Quantities:
+def quantities_over(context: StudyContext, maps: Sequence[WeldMap]) -> Quantities:
+    """Return what claims ask for, over maps of five welds in the place of the paper's."""
     measured: Quantities = {}
     for number, weld in enumerate(maps, start=1):
         measured |= of_weld(number, weld)

@@ -26,8 +26,7 @@ def record(vehicle_track: VehicleTrackModel, wheel_path: WheelPath, speed_kmh: f
     start_m = wheel_path.start_m - samples * RESAMPLED_STEP_M
     height_m = np.pad(wheel_path.height_m, samples)
     passage, smooth = (
-        vehicle_track.history(WheelPath(start_m, z), speed_kmh, 0.0, stride=stride)
-        for z in (height_m, 0.0 * height_m)
+        vehicle_track.history(WheelPath(start_m, z), speed_kmh, 0.0, stride=stride) for z in (height_m, 0.0 * height_m)
     )
     return replace(passage, force_n=vehicle_track.wheel.static_load_n + passage.force_n - smooth.force_n)
 

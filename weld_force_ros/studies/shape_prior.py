@@ -20,8 +20,6 @@ from weld_force_ros.studies.study_context import Profile
 WHEEL_RADIUS_M = 0.45
 MOST_CURVATURE = 0.85  # of the wheel's own
 _HALF_LENGTH_M, _STEP_M, _TAPER_M = 0.5, 0.002, 0.15
-
-_FREE = "free"
 _SPECTRUM_SAMPLES = 2**14  # with level rail beside the weld, 33 m in all
 
 _Range = tuple[float, float]
@@ -55,17 +53,6 @@ class Prior(msgspec.Struct, frozen=True, dict=True, forbid_unknown_fields=True):
     words: _Words
     terms: Annotated[list[TermRange], Meta(min_length=1, max_length=10)]
     wavelengths_m: list[Annotated[float, Meta(gt=0)]] = []
-
-    @property
-    def free_terms(self) -> int:
-        """Return how many terms no word stands for."""
-        return sum(term.what == _FREE for term in self.terms)
-
-    def with_free_terms(self, count: int) -> "Prior":
-        """Return the prior with the first `count` of its free terms only."""
-        named = [term for term in self.terms if term.what != _FREE]
-        free = [term for term in self.terms if term.what == _FREE]
-        return msgspec.structs.replace(self, terms=[*named, *free[:count]])
 
     @cached_property
     def bounds(self) -> list[_Range]:

@@ -80,8 +80,8 @@ class Phase:
 def amplitude_spectrum(x_m: ArrayLike, values: ArrayLike, speed_kmh: float) -> Spectrum:
     """Return the spectrum of what a wheel meets or does along the rail at a speed.
 
-    The least-squares line is removed, a tenth of the record tapered (Tukey), zeros added to at least eight times its length, and
-    amplitudes corrected for the taper.
+    The least-squares line is removed, a tenth of the record tapered (Tukey), zeros added to at least eight times its
+    length, and amplitudes corrected for the taper.
 
     Args:
         x_m: (n,), equidistant.
