@@ -4,7 +4,6 @@ import json
 import math
 from typing import get_args
 
-import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -36,12 +35,13 @@ WELL_FORMED = """
 
 def claim(
     *criteria: Condition,
+    name: str = "a-claim",
     geometry: GeometrySource = "exact",
     if_not: str | None = None,
     corrected: Correction | None = None,
 ) -> Claim:
     return Claim(
-        id="a-claim",
+        id=name,
         where="section 6",
         statement="Something is so.",
         geometry=geometry,
@@ -141,7 +141,7 @@ def test_each_of_several_quantities_is_named():
 
 
 def test_a_difference_says_which_quantity_what_it_means_and_that_the_shape_is_inferred():
-    subject = claim(MAXIMUM, RATIO, geometry="inferred", role="fitted", if_not="It depends on the fit.")
+    subject = claim(MAXIMUM, RATIO, geometry="inferred", if_not="It depends on the fit.")
     why = evaluated(subject, maximum_kmh=53.0, ratio=0.1).why
     assert why == (
         "Does not meet its criteria: ratio. It depends on the fit. "
@@ -226,7 +226,7 @@ def test_the_table_has_a_row_a_claim_and_the_summary_counts_them_by_geometry(tmp
             claim(RATIO, geometry="assumed"),
             claim(SPREAD),
             claim(geometry="none"),
-            claim(MAXIMUM, geometry="inferred"),
+            claim(MAXIMUM, name="on-a-weld", geometry="inferred"),
         ],
         {"length.maximum_kmh": 53.0, "length.ratio": 0.1},
         {1: {"length.maximum_kmh": 60.0}},
@@ -250,7 +250,7 @@ def test_the_table_has_a_row_a_claim_and_the_summary_counts_them_by_geometry(tmp
 
 def test_claims_of_inferred_geometry_take_folds_in_turn():
     subjects = [
-        msgspec.structs.replace(claim(RATIO, geometry=geometry), id=f"claim-{number}")
+        claim(RATIO, name=f"claim-{number}", geometry=geometry)
         for number, geometry in enumerate(["inferred", "exact", *6 * ["inferred"]])
     ]
     folds = claims.folds(subjects)
@@ -261,8 +261,8 @@ def test_a_held_out_claim_is_compared_with_what_is_measured_without_its_own_fold
     corrected = Correction(criteria=[SPREAD], reason="It asked for more.")
     subjects = [
         claim(RATIO, geometry="inferred", corrected=corrected),
-        msgspec.structs.replace(claim(RATIO, geometry="inferred"), id="another"),
-        claim(RATIO),
+        claim(RATIO, name="another", geometry="inferred"),
+        claim(RATIO, name="exact"),
     ]
     without_folds = {1: {"length.ratio": 0.2, "length.spread": 0.05}, 2: {"length.ratio": 0.9}}
     first, second, exact = claims.evaluate(subjects, {"length.ratio": 0.8}, without_folds)

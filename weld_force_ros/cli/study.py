@@ -200,6 +200,7 @@ def study_infer(
             json_output.write(lines, dict(zip((column.name for column in solutions.columns), row, strict=True)))
     terminal.show_table(solutions)
     terminal.show_table(found.tables["spread"])
+    terminal.show_table(found.tables["words"])
     if "heights" in found.tables:
         terminal.show_table(found.tables["heights"])
     _say_page(rendered, out)

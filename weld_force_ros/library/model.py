@@ -178,7 +178,7 @@ class Model:
             >>> welds = wf.read_profiles(["weld-1", "weld-4"])
             >>> maps = wf.Model("bilbao-causal").force_maps(welds, [80, 120], positions=1)
             >>> [f"{force_map.weld_id} {float(force_map.peak_force_n.max()) / 1e3:.0f} kN" for force_map in maps]
-            ['weld-1 131 kN', 'weld-4 117 kN']
+            ['weld-1 113 kN', 'weld-4 129 kN']
         """
         settings = self.settings(speeds_kmh, positions)
         simulator = self._simulator(settings)

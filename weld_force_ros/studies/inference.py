@@ -8,6 +8,7 @@ holds, else between a half and one, the more the further its quantity is from ho
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice, repeat
 
 import msgspec
 import numpy as np
@@ -32,6 +33,7 @@ from weld_force_ros.studies.weld_map import weld_maps
 GENERATIONS = 80
 SEARCHES = 9  # where the first meets all that it is given
 _MEMBERS_PER_PARAMETER = 4
+_DRAW_SEED = 1
 _OF_WELD_1 = (
     motion_study.quantities_over_weld_1,
     increment_study.quantities_over_weld_1,
@@ -109,9 +111,28 @@ class Inference:
         of_claims = sum(cost_of(claim, measured) or 0.0 for claim in self.given)
         return of_claims + wavelength_cost(self.prior.wavelengths_m, profile)
 
-    def quantities(self, profile: Profile) -> Quantities:
-        """Return what claims ask for of this weld, as the studies measure it."""
-        return self._quantities(profile, self.context)
+    def drawn(self, count: int) -> list[Profile]:
+        """Draw shapes from the prior that the words allow, whatever the claims say; the same at each call."""
+        random, (low, high) = np.random.default_rng(_DRAW_SEED), np.transpose(self.prior.bounds)
+        draws = (random.uniform(*ends) for ends in repeat((low, high)))
+        drawn = (shape_prior.profile_of(shape_prior.terms_of(parameters)) for parameters in draws)
+        return list(islice(filter(self._is_allowed, drawn), count))
+
+    def _is_allowed(self, profile: Profile) -> bool:
+        return (
+            captions.contradictions(self.weld, profile) == 0
+            and shape_prior.curvature_share(profile) <= shape_prior.MOST_CURVATURE
+            and wavelength_cost(self.prior.wavelengths_m, profile) == 0
+        )
+
+    def held(self, profile: Profile, *, coarse: bool = False) -> dict[str, bool]:
+        """Return of each claim whether it holds over a shape, as far as it asks for something of this weld.
+
+        If coarse, what takes long is measured as in a search.
+        """
+        measured = self._quantities(profile, self._coarse if coarse else self.context)
+        costs = {claim.id: cost_of(claim, measured) for claim in claims.load() if claim.geometry == "inferred"}
+        return {name: cost == 0 for name, cost in costs.items() if cost is not None}
 
     @cached_property
     def _coarse(self) -> StudyContext:

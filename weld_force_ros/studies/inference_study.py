@@ -15,7 +15,7 @@ from weld_force_ros.physics.arrays import FloatArray
 from weld_force_ros.report.figures import new_figure
 from weld_force_ros.studies import StartProgress, claims, increment_study, inferred_shapes, shape_prior
 from weld_force_ros.studies.figure_style import COLOURS
-from weld_force_ros.studies.inference import GENERATIONS, SEARCHES, Inference, Solution, cost_of, most_typical
+from weld_force_ros.studies.inference import GENERATIONS, SEARCHES, Inference, Solution, most_typical
 from weld_force_ros.studies.result_table import Cell, Column, Table
 from weld_force_ros.studies.shape_prior import Prior
 from weld_force_ros.studies.study_context import Picture, Profile, StudyContext, StudyResult
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 NAME = "infer"
 _WRITABLE = "name a writable folder with --out"
+_DRAWS = 40
 _HEIGHT_FACTORS = (0.2, 0.5, 1.0, 2.0, 3.0)
 _OF_SECTION_5 = ("minimum_cells_ratio", "depressions_ratio", "spread_ratio")
 
@@ -70,7 +71,7 @@ def run(context: StudyContext, weld: str | None, folder: Path, start_progress: S
         _write(folder / inferred_shapes.FILE, inferred_shapes.encoded(shapes))
     tables = {
         "solutions": _solution_table(found), "claims": _claim_table(found), "shapes": _shape_table(found),
-        "spread": _spread_table(found),
+        "spread": _spread_table(found), "words": _words_table(context, found, start_progress),
     }  # fmt: skip
     if "weld-1" in found:
         tables["heights"] = _height_table(context, found["weld-1"][0].solution.profile)
@@ -110,9 +111,7 @@ def _solution(inference: Inference, seed: int, folder: Path, start_progress: Sta
 
 
 def _counted(inference: Inference, solution: Solution) -> Found:
-    measured, given = inference.quantities(solution.profile), {claim.id for claim in inference.given}
-    costs = {claim.id: cost_of(claim, measured) for claim in claims.load() if claim.geometry == "inferred"}
-    held = {name: cost == 0 for name, cost in costs.items() if cost is not None}
+    held, given = inference.held(solution.profile), {claim.id for claim in inference.given}
     return Found(solution, held, frozenset(held.keys() - given))
 
 
@@ -164,6 +163,28 @@ def _solution_table(found: dict[str, list[Found]]) -> Table:
                 geometry.dip_m, geometry.protrusion_m, 1e3 * shape_prior.rms_gradient(profile),
             ))  # fmt: skip
     title = "Shapes that the searches ended with, and claims that each meets; those given all claims ship"
+    return Table(title, columns, rows)
+
+
+def _words_table(context: StudyContext, found: dict[str, list[Found]], start_progress: StartProgress) -> Table:
+    """Return what shares of the claims on one weld hold over shapes given none of them, four fifths, or all."""
+    columns = (
+        Column("weld", "weld"), Column("claims", "claims", 0), Column("by_words_percent", "words alone, %", 0),
+        Column("held_out_percent", "held out, %", 0), Column("given_percent", "given, %", 0),
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = []
+    for name, (shipped, *others) in found.items():
+        inference = Inference(name, shape_prior.load()[name], context)
+        done = start_progress(f"{name}, words alone", _DRAWS)
+        shares: list[float] = []
+        for profile in inference.drawn(_DRAWS):
+            shares.append(float(np.mean(list(inference.held(profile, coarse=True).values()))))
+            done()
+        held_out = np.sum([one.counted(held_out=True) for one in others], axis=0)
+        given, claims_count = shipped.counted(held_out=False)
+        percent = 100 * np.array([np.mean(shares), held_out[0] / held_out[1], given / claims_count])
+        rows.append((name, float(claims_count), *percent.tolist()))
+    title = f"Claims on one weld that hold: over {_DRAWS} shapes drawn from the prior and the words, held out, given"
     return Table(title, columns, rows)
 
 
