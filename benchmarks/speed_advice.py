@@ -1,7 +1,8 @@
 """Advice on speed against that of every km/h at every position: `python -m benchmarks.speed_advice`.
 
 Each weld is judged by the rule book `force`, and by limits that its own curve crosses. The bounds of
-`weld_force_ros.simulation.curve_bounds` were chosen on the welds of seed 101, and widened by what those of 2026 showed.
+`weld_force_ros.simulation.curve_bounds` were chosen on welds of seeds 101 and 103 to 105, and widened by what those of
+2026 showed.
 """
 
 import argparse

@@ -75,6 +75,29 @@ def test_smooth_hills_and_their_kinks_lie_within_bounds(seed):
     assert width[1].sum() < 0.7 * width[0].sum()
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_the_worst_is_simulated_or_possible(seed):
+    every = passages(hilly(seed))
+    bounds = bounds_of(every)
+    for name, values in (("peak_force_n", every.peak_force_n), ("min_force_n", -every.columns["min_force_n"])):
+        can = bounds.possible([name]) | bounds.simulated
+        assert can[np.arange(len(KMH)), values.argmax(axis=1)].all()
+        assert not can.all()
+
+
+def test_forces_exceed_what_is_expected_by_less_at_high_speeds():
+    """Of equal ripples at all speeds, of which nothing but the speed makes a difference."""
+    ripple = np.tile(np.sin(2 * np.pi * KMH / 40.0)[:, None], 3)
+    worst = bounds_of(passages(LOAD_N + 30e3 + 1e3 * ripple)).worst
+    above, below = (
+        abs(one.peak_force_n - worst.expected.peak_force_n)[~ON_MAP] for one in (worst.severest, worst.mildest)
+    )
+    slow, fast = KMH[~ON_MAP] < 150, KMH[~ON_MAP] > 250
+    inside = (KMH[~ON_MAP] > 40) & (KMH[~ON_MAP] < 295)
+    np.testing.assert_allclose(above[slow & inside], below[slow & inside])
+    assert (above[fast & inside] < 0.7 * below[fast & inside]).all()
+
+
 def test_what_was_simulated_is_known_and_no_longer_asked_for():
     every = passages(hilly(1))
     bounds = bounds_of(every)
@@ -118,7 +141,7 @@ def welds() -> list[WeldProfile]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("track", ["bilbao", "bilbao-viscous", "bilbao-causal"])
+@pytest.mark.parametrize("track", ["bilbao", "bilbao-viscous", "bilbao-causal", "johansson-nielsen", "wooden-sleepers"])
 def test_simulated_welds_lie_within_bounds(track):
     simulator = Simulator(simulation_settings(track=track))
     model = simulator.vehicle_track

@@ -1,14 +1,24 @@
 """Bound the worst over places at speeds between those of a map, from the map and from what was simulated since.
 
 Between speeds that were simulated, force at a place is near the cubic through two of them on either side: as near as
-the fourth differences of the map say, those of the place and those of all places on average. Where another peak of the
-history becomes the largest, force over speed has a kink, which a cubic misses by less the nearer those speeds are.
-`OF_PLACE` and `OF_ALL` were chosen on fifty welds of seed 101, where half of both is too little; margins at the ends
-and at low speeds were widened by what fifty of seed 2026 showed. They are tested on other seeds and a measured weld
-(`tests/simulation/test_curve_bounds.py`, `python -m benchmarks.speed_advice --seed 4711`).
+the fourth differences of the map say, those of the place and those of all places on average. From a curve that the map
+resolves the cubic is off by 3/128 of a fourth difference, beside a kink by up to 3/8 of the largest. But the largest of
+several peaks of a history is their maximum, whose kinks, where another peak becomes the largest, turn upwards: there
+the curve lies below the cubic. Above it lie ripples that the map does not resolve. What rings on at a frequency f over
+a distance d (1 kHz, where the sleepers' spacing is a half wave) passes through f d / v cycles, so that a ripple is the
+wider, by v^2 in speed, the faster the passage. Margins of forces are therefore lessened upwards from `_RESOLVED_KMH`
+on, and not widened upwards at low speeds. Least force, which stays at none once contact is lost, has the same margin
+upwards as downwards.
+
+What counts is that the worst over places lies within bounds. Of 348 welds on fourteen tracks (seeds 101 and 103 to 105,
+a fifth of them three times as deep or read every 20 mm) none needed more than 0.77 of the margin upwards of peak and P2
+force, 0.9 of that of least force, from the map alone. Margins downwards were chosen on fifty welds of seed 101, where
+half of both shares is too little, and widened at the ends and at low speeds by what fifty of seed 2026 showed. All are
+tested on other seeds and a measured weld (`tests/simulation/test_curve_bounds.py`, `python -m benchmarks.speed_advice
+--seed 4711`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +33,8 @@ OF_PLACE, OF_ALL = 0.2, 0.2
 """Margin midway between a map's speeds: shares of the largest fourth difference near them, of a place and of all."""
 _AROUND = 2  # intervals of the map on either side whose fourth differences count
 _AT_ONCE = 0.25  # of its margin: a place that is the worst by so much of it is simulated in the same round
+_RESOLVED_KMH = 150.0  # from here on the margin upwards goes with the inverse speed,
+_LEAST_ABOVE = 0.6  # down to so much of it
 _AT_ENDS = 2.0  # times the margin, where the cubic has one speed on one side and three on the other
 _OF_SPEED = 0.125  # distance of a map's speeds, as a share of the speed, from which on the margin grows with it
 _LEAST = 1e-4  # of the static load, of a margin: steps of other lengths make as much of a difference
@@ -73,9 +85,10 @@ class CurveBounds:
         self.simulated[rows] = True
         self.on_map = self.simulated[:, 0].copy()
         self._scale = _scale(parts)[:, interval]
-        self._expected = np.zeros((len(self._names), *self.simulated.shape))
+        # In memory speeds follow each other: the worst over places is then taken of many speeds at a time.
+        self._expected = np.zeros((len(self._names), parts.shape[2], len(speeds_kmh))).swapaxes(1, 2)
         self._expected[:, rows] = parts
-        self._low, self._high = self._expected.copy(), self._expected.copy()
+        self._low, self._high = self._expected.copy(order="K"), self._expected.copy(order="K")
         self._bound(*np.nonzero(~self.simulated))
 
     @property
@@ -111,6 +124,12 @@ class CurveBounds:
             selected[rows] |= can & (likely | (high >= high.max(axis=1, keepdims=True)))
         return selected
 
+    def possible(self, names: Iterable[str]) -> Selection:
+        """Return the passages that were not simulated and can be the worst of a column at their speed."""
+        columns = [self._names.index(name) for name in names]
+        can = self._high[columns] >= self._low[columns].max(axis=2, keepdims=True)
+        return np.asarray(can.any(axis=0) & ~self.simulated)
+
     def add(self, selected: Selection, found: Passages) -> None:
         """Take in what was simulated.
 
@@ -136,7 +155,7 @@ class CurveBounds:
         """Bound passages that were not simulated by what was at the same places."""
         if not len(rows) or np.count_nonzero(self.on_map) < 4:
             return
-        around = _neighbours(self.simulated)[:, rows, places]
+        around = _neighbours(self.simulated, rows, places)
         at = self.speeds_kmh[around]
         weights = _lagrange(at, self.speeds_kmh[rows])
         expected = sum(weights[k] * self._expected[:, around[k], places] for k in range(4))
@@ -145,10 +164,12 @@ class CurveBounds:
         near = gap_kmh / self._apart_kmh[rows] * 4 * share * (1 - share)
         at_end = (around[0] > around[1]) | (around[3] < around[2])
         near *= np.where(at_end, _AT_ENDS, 1.0)
-        near *= np.maximum(1.0, self._apart_kmh[rows] / (_OF_SPEED * self.speeds_kmh[rows]))
-        margin = near * self._scale[:, rows, places] + self._least[:, None]
-        low, high = expected - margin, expected + margin
+        margin, least = near * self._scale[:, rows, places], self._least[:, None]
+        slow = np.maximum(1.0, self._apart_kmh[rows] / (_OF_SPEED * self.speeds_kmh[rows]))
+        resolved = np.clip(_RESOLVED_KMH / self.speeds_kmh[rows], _LEAST_ABOVE, 1.0)
+        low, high = expected - slow * margin - least, expected + resolved * margin + least
         unloading, loss = self._names.index("min_force_n"), self._names.index("contact_loss_s")
+        high[[unloading, loss]] = (expected + slow * margin + least)[[unloading, loss]]
         high[unloading] = np.minimum(high[unloading], self._load_n)
         high[loss] = np.where(high[unloading] < self._load_n, 0.0, np.maximum(high[loss], _LOSS_S))
         low[loss] = np.maximum(low[loss], 0.0)
@@ -180,23 +201,24 @@ def _scale(parts: FloatArray) -> FloatArray:
     return np.asarray(OF_PLACE * largest + OF_ALL * largest.mean(axis=2, keepdims=True))
 
 
-def _neighbours(known: Selection) -> NDArray[np.intp]:
-    """Return the four speeds nearest to each that are known at a place, two on either side, (4, n_speed, n_place).
+def _neighbours(known: Selection, rows: NDArray[np.intp], places: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return the four speeds nearest to some (n,) that are known at their places (n,), two on either side, (4, n).
 
     At the ends a third on the other side stands in for one that is missing. Each place has four or more.
     """
-    count, rows = len(known), np.arange(len(known))[:, None]
-    before = np.maximum.accumulate(np.where(known, rows, -1), axis=0)
-    after = np.minimum.accumulate(np.where(known, rows, count)[::-1], axis=0)[::-1]
-    earlier = np.pad(before, ((2, 0), (0, 0)), constant_values=-1)[:-1]  # at row + 1: known before that row
-    later = np.pad(after, ((0, 2), (0, 0)), constant_values=count)[1:]  # at row: known after it
+    count, every = len(known), np.arange(len(known))[:, None]
+    up_to = np.full((count + 1, known.shape[1]), -1)  # at row + 1: the last known up to that row
+    np.maximum.accumulate(np.where(known, every, -1), axis=0, out=up_to[1:])
+    from_on = np.full((count + 2, known.shape[1]), count)  # at row: the first known from that row on
+    np.minimum.accumulate(np.where(known, every, count)[::-1], axis=0, out=from_on[count - 1 :: -1])
 
     def previous(row: NDArray[np.intp]) -> NDArray[np.intp]:
-        return np.asarray(np.take_along_axis(earlier, row + 1, axis=0))
+        return np.asarray(up_to[row, places])
 
     def following(row: NDArray[np.intp]) -> NDArray[np.intp]:
-        return np.asarray(np.take_along_axis(later, row, axis=0))
+        return np.asarray(from_on[row + 1, places])
 
+    before, after = previous(rows), following(rows)
     first, last = previous(before), following(after)
     return np.stack([
         np.where(first >= 0, first, following(last)),

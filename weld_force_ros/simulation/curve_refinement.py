@@ -44,16 +44,39 @@ def refine(
         everywhere = np.repeat(bounds.unbounded[:, None], bounds.simulated.shape[1], axis=1)
         bounds.add(everywhere, simulate(everywhere[~bounds.on_map]))
     while asked := questions.open_speeds(bounds.speeds_kmh[:count], bounds.worst.up_to(count)):
-        selected = _with_neighbours(bounds.deciding(asked), bounds.simulated)
+        decisive = bounds.deciding({name: _middles(speeds) for name, speeds in asked.items()})
+        selected = _filled(decisive, bounds.possible(asked), np.any(list(asked.values()), axis=0))
         bounds.add(selected, simulate(selected[~bounds.on_map]))
 
 
-def _with_neighbours(selected: Selection, simulated: Selection) -> Selection:
-    """Add what takes no longer, as it is simulated side by side: at the same places the speeds that are nearest."""
-    rows, far = np.arange(len(selected))[:, None], 2 * len(selected)
-    before = np.maximum.accumulate(np.where(selected, rows, -far), axis=0)
-    after = np.minimum.accumulate(np.where(selected, rows, far)[::-1], axis=0)[::-1]
-    apart = np.where(simulated, far, np.minimum(rows - before, after - rows))
-    nearest = np.argsort(np.argsort(apart, axis=0, kind="stable"), axis=0)
-    filled = SPEEDS * -(-np.count_nonzero(selected, axis=0) // SPEEDS)
-    return np.asarray((nearest < filled) & (apart < far))
+def _middles(speeds: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return of each run of speeds the middle one, which tells most of the others."""
+    edges = np.flatnonzero(np.diff(speeds, prepend=False, append=False))
+    middles = np.zeros_like(speeds)
+    middles[(edges[::2] + edges[1::2] - 1) // 2] = True
+    return middles
+
+
+def _filled(decisive: Selection, possible: Selection, asked: NDArray[np.bool_]) -> Selection:
+    """Add what takes no longer, as a place's speeds are simulated side by side, and is likely to be needed next.
+
+    Args:
+        decisive: (n_speed, n_place), what is simulated in any case.
+        possible: (n_speed, n_place), what can be the worst: at speeds that are asked for first, the nearest first.
+        asked: (n,), which of the first speeds are asked for.
+    """
+    places = np.flatnonzero(decisive.any(axis=0))
+    chosen, count = decisive[:, places], len(decisive)
+    rows, never = np.arange(count)[:, None], 4 * count
+    before = np.maximum.accumulate(np.where(chosen, rows, -count), axis=0)
+    after = np.minimum.accumulate(np.where(chosen, rows, 2 * count)[::-1], axis=0)[::-1]
+    rank = np.minimum(rows - before, after - rows)
+    rank[: len(asked)][asked] -= count
+    rank = np.where(chosen, -never, np.where(possible[:, places], rank, never))
+    octets = -(-np.count_nonzero(chosen, axis=0) // SPEEDS)
+    nearest = np.argsort(rank, axis=0, kind="stable")
+    taken = (rows < SPEEDS * octets) & (np.take_along_axis(rank, nearest, axis=0) < never)
+    np.put_along_axis(chosen, nearest, taken, axis=0)
+    filled = np.zeros_like(decisive)
+    filled[:, places] = chosen
+    return filled
