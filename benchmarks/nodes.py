@@ -3,6 +3,7 @@
 `python -m benchmarks.nodes` prints the most that they do, and what part of it takes how long, by thread.
 """
 
+import gc
 import os
 import re
 import tempfile
@@ -235,7 +236,9 @@ def _nodes(welds: int, samples: int = 0) -> Iterator[_Nodes]:
             on_verdict=nodes.note_verdict,
             on_rejection=nodes.note_rejection,
         ) as suite:
+            gc.freeze()  # as the launcher of nodes does
             yield nodes
+            gc.unfreeze()
             left, failure = suite.drain(), suite.failure
         if failure is not None:
             raise WeldForceError(f"a node stopped: {failure}")
