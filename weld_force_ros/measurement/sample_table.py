@@ -187,7 +187,7 @@ def _separator(lines: list[Line], form: InstrumentFormat) -> tuple[str | None, l
         return stated[1], lines[1:]
     if form.separator is not None:
         return _SEPARATORS[form.separator], lines
-    texts = [line.text for line in lines if any(c.isdigit() for c in line.text) and not is_comment(line)]
+    texts = [line.text for line in lines if any(map(str.isdigit, line.text)) and not is_comment(line)]
     for separator in (";", "\t", "|"):
         if sum(separator in text for text in texts) > len(texts) / 2:
             return separator, lines
