@@ -236,7 +236,7 @@ def _nodes(welds: int, samples: int = 0) -> Iterator[_Nodes]:
             on_verdict=nodes.note_verdict,
             on_rejection=nodes.note_rejection,
         ) as suite:
-            gc.freeze()  # as the launcher of nodes does
+            gc.freeze()  # as their launcher does
             yield nodes
             gc.unfreeze()
             left, failure = suite.drain(), suite.failure
@@ -299,6 +299,7 @@ def processor_seconds(welds: int = 60) -> dict[str, float]:
             deciding_history(profile, simulator, one, limits) for profile, one in zip(profiles, force_maps, strict=True)
         ],
     }
+    gc.freeze()  # as the launcher of nodes does
     found = {}
     for name, work in parts.items():
         work()
