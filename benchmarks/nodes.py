@@ -1,9 +1,11 @@
 """How fast the nodes are: from a file to its verdict, one weld at a time and many at a steady rate.
 
-`python -m benchmarks.nodes` prints the most that they do, and what part of it takes how long.
+`python -m benchmarks.nodes` prints the most that they do, and what part of it takes how long, by thread.
 """
 
+import gc
 import os
+import re
 import tempfile
 import threading
 import time
@@ -90,7 +92,12 @@ def sustained(seconds: float = 60.0, welds_per_s: float = 5.0) -> dict[str, Any]
 
 @dataclass(frozen=True)
 class _Run:
-    """What became of the welds of one run; `elapsed_s` is from the first file to the last verdict."""
+    """What became of the welds of one run; `elapsed_s` is from the first file to the last verdict.
+
+    Attributes:
+        thread_s: processor time of each thread of the nodes from the first file to the last verdict, by its name.
+        closing_s: processor time for what is left after the last verdict: to drain the nodes and close the recording.
+    """
 
     welds: int
     lost: int
@@ -99,16 +106,21 @@ class _Run:
     verdicts_per_s: float
     waited_s_p95: float
     queue_longest: int
+    thread_s: dict[str, float]
+    closing_s: float
 
 
 def _run(welds: int, interval_s: float, samples: int = 0) -> _Run:
     with _nodes(welds + 1, samples) as nodes:
         nodes.judge_alone(nodes.files[0])
+        before_ns = _thread_ns()
         began = time.perf_counter()
         for number, file in enumerate(nodes.files[1:]):
             time.sleep(max(0.0, began + number * interval_s - time.perf_counter()))
             nodes.offer(file)
         nodes.wait_for_verdicts(welds + 1)
+        used_ns = _thread_ns() - before_ns
+        finished_s = time.process_time()
     offered, judged = list(nodes.offered_s.values())[1:], list(nodes.judged_s.values())[1:]
     if len(judged) < 2:
         raise WeldForceError(f"{len(judged)} of {welds} welds were judged; look at the nodes' log")
@@ -120,7 +132,23 @@ def _run(welds: int, interval_s: float, samples: int = 0) -> _Run:
         verdicts_per_s=_rate_per_s(judged),
         waited_s_p95=float(np.percentile(nodes.waited_s[1:], 95)),
         queue_longest=nodes.queue_longest,
+        thread_s={name: 1e-9 * count for name, count in used_ns.most_common()},
+        closing_s=nodes.closed_s - finished_s,
     )
+
+
+def _thread_ns() -> Counter[str]:
+    """Return the processor time of the process's threads so far in ns, by name without number: a pool's are one."""
+    names = {thread.native_id: thread.name for thread in threading.enumerate()}
+    found: Counter[str] = Counter()
+    for thread in Path("/proc/self/task").iterdir():
+        try:
+            name = names.get(int(thread.name)) or (thread / "comm").read_text()
+            run_ns = int((thread / "schedstat").read_text().split()[0])
+        except OSError:  # it has ended
+            continue
+        found["middleware" if name.startswith("dds.") else re.sub(r"[-_]\d.*", "", name).strip()] += run_ns
+    return found
 
 
 def _rate_per_s(times_s: list[float]) -> float:
@@ -139,6 +167,7 @@ class _Nodes:
         self.judged_s: dict[str, float] = {}
         self.queue_longest = 0
         self.lost: set[str] = set()
+        self.closed_s = 0.0
         self._refused: str | None = None
         self._changed = threading.Condition()
 
@@ -207,12 +236,15 @@ def _nodes(welds: int, samples: int = 0) -> Iterator[_Nodes]:
             on_verdict=nodes.note_verdict,
             on_rejection=nodes.note_rejection,
         ) as suite:
+            gc.freeze()  # as their launcher does
             yield nodes
+            gc.unfreeze()
             left, failure = suite.drain(), suite.failure
         if failure is not None:
             raise WeldForceError(f"a node stopped: {failure}")
         if left:
             raise WeldForceError(f"{left} messages were left after draining")
+        nodes.closed_s = time.process_time()
         nodes.look_for_lost()
 
 
@@ -234,8 +266,10 @@ def _weld_files(folder: Path, count: int) -> list[Path]:
 def processor_seconds(welds: int = 60) -> dict[str, float]:
     """Return seconds of processor time a weld, of all threads: what two cores can do at most is two over each.
 
+    Without the first of each, which computes tables.
+
     Args:
-        welds: through the nodes; each part is of a third of them.
+        welds: each part is of a third of them.
     """
     settings, limits = simulation_settings(speeds_kmh=parse_speeds(SPEEDS), positions=POSITIONS), load_limits()
     simulator, plain = Simulator(settings), Simulator(settings, curves=False)
@@ -243,7 +277,8 @@ def processor_seconds(welds: int = 60) -> dict[str, float]:
     if not isinstance(model, VehicleTrackModel):
         raise TypeError("the engine is not compiled")
     with tempfile.TemporaryDirectory() as folder:
-        profiles = [profile_file.read_profile(file) for file in _weld_files(Path(folder) / "prepared", welds // 3)]
+        files = [file.read_bytes() for file in _weld_files(Path(folder) / "prepared", welds // 3)]
+    profiles = [profile_file.parse_profile(file, _WELD) for file in files]
     paths, positions = [plain.wheel_path(profile) for profile in profiles], np.array(settings.positions_m)
     met = [path for own in paths for path in (own, own.mirrored)]
     force_maps = [simulator.force_map(profile, asks_of(limits)) for profile in profiles]  # and tables
@@ -253,6 +288,7 @@ def processor_seconds(welds: int = 60) -> dict[str, float]:
             pass
 
     parts: dict[str, Callable[[], object]] = {
+        "measurement file, read": lambda: [profile_file.parse_profile(file, _WELD) for file in files],
         "passages of the map, compiled": compiled,
         "map": lambda: [plain.force_map(profile) for profile in profiles],
         "map and curve of every km/h": lambda: [simulator.force_map(profile) for profile in profiles],
@@ -263,8 +299,10 @@ def processor_seconds(welds: int = 60) -> dict[str, float]:
             deciding_history(profile, simulator, one, limits) for profile, one in zip(profiles, force_maps, strict=True)
         ],
     }
+    gc.freeze()  # as the launcher of nodes does
     found = {}
     for name, work in parts.items():
+        work()
         began_s = time.process_time()
         work()
         found[name] = (time.process_time() - began_s) / len(profiles)
@@ -277,10 +315,13 @@ def main() -> None:
     print("ms of processor time a weld, and welds a second on two cores that do nothing else")
     for name, each_s in processor_seconds().items():
         print(f"{name:40}{1e3 * each_s:8.1f}{2 / each_s:8.0f}")
-    began_s = time.process_time()
     flood = _run(_FLOOD, 0.0)
-    each_s = (time.process_time() - began_s) / (flood.welds + 1)
+    each_s = sum(flood.thread_s.values()) / flood.welds
     print(f"{'nodes, from file to verdict':40}{1e3 * each_s:8.1f}{2 / each_s:8.0f}; here {flood.verdicts_per_s:.1f}")
+    for name, seconds in flood.thread_s.items():
+        if (each_ms := 1e3 * seconds / flood.welds) >= 0.1:
+            print(f"  thread {name:31}{each_ms:8.1f}")
+    print(f"{'closing the recording':40}{1e3 * flood.closing_s / flood.welds:8.1f}")
 
 
 if __name__ == "__main__":

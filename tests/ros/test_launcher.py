@@ -1,5 +1,6 @@
 """Nodes as programs: signals, exit codes, the bag closed whatever happens."""
 
+import gc
 import os
 import signal
 import subprocess
@@ -136,6 +137,22 @@ def test_queued_profiles_are_finished_after_a_signal(domain_id: int, folder: Pat
     assert sorted(v.weld_id for v in outcomes.messages) == [f"weld-{i}" for i in range(5)]
     with AnyReader([tmp_path / "bag"]) as reader:
         assert sum(c.topic == "/verdict" for c, _, _ in reader.messages()) == 5
+
+
+def test_modules_are_not_looked_at_for_garbage_while_nodes_run(domain_id: int) -> None:
+    suite, frozen = NodeSuite(("assessment",)), list[int]()
+
+    def stop() -> None:
+        wait_until(lambda: gc.get_freeze_count() > 0)
+        frozen.append(gc.get_freeze_count())
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    gc.unfreeze()
+    thread = aside(stop)
+    assert run_until_signal(suite) == 0
+    thread.join(DEADLINE_S)
+    assert frozen[0] > 10_000
+    assert gc.get_freeze_count() == 0
 
 
 def test_second_signal_stops_at_once_and_says_what_is_left(

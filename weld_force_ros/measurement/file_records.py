@@ -12,7 +12,7 @@ from weld_force_ros.measurement import instruments, record, statements
 from weld_force_ros.measurement.instruments import InstrumentFormat
 from weld_force_ros.measurement.numbers import in_metres, is_kilometre_plus, is_missing, number, plain_number, unit_of
 from weld_force_ros.measurement.record import Sample
-from weld_force_ros.measurement.sample_table import SampleTable, find_tables
+from weld_force_ros.measurement.sample_table import Row, SampleTable, find_tables
 from weld_force_ros.measurement.statements import Stated
 from weld_force_ros.measurement.text_file import TextFile
 from weld_force_ros.messages import MAX_PROFILE_LENGTH_M, MAX_SAMPLES
@@ -93,22 +93,29 @@ def _samples(table: SampleTable, form: InstrumentFormat, header: Mapping[str, St
         if not 0 < form.spacing <= _WIDEST_SPACING:
             raise ProfileError(f"spacing {form.spacing:g} of the samples", "state it in x_unit, more than 0")
         step = Decimal(str(form.spacing))
-    marks = tuple(form.missing)
-    found = []
+    marks, found = tuple(form.missing), []
+    x_unit, z_unit = header["x_unit"].text, header["z_unit"].text
     for index, row in enumerate(table.rows):
-        where, unit = f"line {row.line}: ", header["x_unit"].text
-        if table.x is None or step is not None:
-            x = (step or Decimal(0)) * index
-        else:
-            text = row.fields[table.x]
-            x = number(text, where + "x", decimal_comma=table.x in table.decimal_comma)
-            unit = "m" if is_kilometre_plus(text) else unit
-        heights = list[Decimal | None]()
-        for column in table.z:
-            text = row.fields[column]
-            missing = is_missing(text, marks)
-            value = None if missing else number(text, where + "z", decimal_comma=column in table.decimal_comma)
-            heights.append(None if value is None else in_metres(value, header["z_unit"].text, where + "z"))
+        try:
+            x_m = _position_m(row, table, x_unit) if step is None else in_metres(step * index, x_unit, "x")
+            heights_m = [_height_m(row, column, table, z_unit, marks) for column in table.z]
+        except ProfileError as error:
+            raise ProfileError(f"line {row.line}: {error.reason}", error.remedy) from None
         texts = [plain_number(row.fields[column], decimal_comma=column in table.decimal_comma) for column in table.z]
-        found.append(Sample(row.line, sign * in_metres(x, unit, where + "x"), heights, texts))
+        found.append(Sample(row.line, sign * x_m, heights_m, texts))
     return found
+
+
+def _position_m(row: Row, table: SampleTable, unit: str) -> Decimal:
+    if table.x is None:
+        return Decimal(0)
+    text = row.fields[table.x]
+    x = number(text, "x", decimal_comma=table.x in table.decimal_comma)
+    return in_metres(x, "m" if is_kilometre_plus(text) else unit, "x")
+
+
+def _height_m(row: Row, column: int, table: SampleTable, unit: str, marks: tuple[str, ...]) -> Decimal | None:
+    text = row.fields[column]
+    if is_missing(text, marks):
+        return None
+    return in_metres(number(text, "z", decimal_comma=column in table.decimal_comma), unit, "z")

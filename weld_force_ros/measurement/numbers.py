@@ -21,7 +21,7 @@ METRES: dict[str, Decimal] = {
 }
 """Metres in each unit of length that files are read in."""
 
-_FARTHEST_M = 10**7  # no chainage is longer; a number beyond it has the wrong unit
+_FARTHEST_M = Decimal(10**7)  # no chainage is longer; a number beyond it has the wrong unit
 _SPELLINGS = {
     "µm": "um", "μm": "um", "micron": "um", "microns": "um", "micrometer": "um", "micrometre": "um",
     "meter": "m", "metre": "m", "millimeter": "mm", "millimetre": "mm", "inch": "in", "inches": "in", '"': "in",

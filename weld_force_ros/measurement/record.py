@@ -167,8 +167,8 @@ def bridged(record: Record) -> None:
         ProfileError: a gap is longer than `LONGEST_GAP_M`, or a value is missing at an end.
     """
     passes = range(len(record.samples[0].z))
-    missing = [sample for sample in record.samples if any(z is None for z in sample.z)]
-    whole = [sample for sample in record.samples if all(z is not None for z in sample.z)]
+    missing = [sample for sample in record.samples if None in sample.z]
+    whole = [sample for sample in record.samples if None not in sample.z]
     if len(whole) < 4:
         raise ProfileError(f"{len(whole)} samples with a height", "measure the whole weld")
     steps = np.diff([float(sample.x) for sample in whole])

@@ -92,16 +92,19 @@ def find_tables(lines: Sequence[Line], form: InstrumentFormat, *, is_ended: bool
     Raises:
         ProfileError: no rows, columns that cannot be told apart, a line within the rows that is no row.
     """
-    lines = [Line(line.number, _unquoted(line.text)) for line in lines[form.skip_rows :]]
+    lines = [_without_quotes(line) for line in lines[form.skip_rows :]]
     separator, lines = _separator(lines, form)
     if separator is None:
         lines = [Line(line.number, _GLUED.sub(" ", line.text)) if _is_glued(line.text) else line for line in lines]
-    lines = [line if is_comment(line) else Line(line.number, _REMARK.sub("", line.text)) for line in lines]
+    lines = [_without_remark(line) for line in lines]
     split = [(line, _fields(_without_mark(line), separator)) for line in lines]
     heading = find_heading(split, form)
     if heading is not None and separator is not None:
         split = [(line, _padded(line, fields, separator, len(heading.names))) for line, fields in split]
-    rows_at = [i for i, (line, fields) in enumerate(split) if not is_comment(line) and _is_row(fields, heading, form)]
+    used = [c for key in ("x", "z") for c in listed(form.columns.get(key, []))]
+    rows_at = [
+        i for i, (line, fields) in enumerate(split) if not is_comment(line) and _is_row(fields, heading, form, used)
+    ]
     rows_at = _of_one_build(rows_at, split)
     if not rows_at:
         raise ProfileError("no samples", "give rows of x,z after the header")
@@ -135,7 +138,7 @@ def find_tables(lines: Sequence[Line], form: InstrumentFormat, *, is_ended: bool
 
 def _padded(line: Line, fields: list[str], separator: str, width: int) -> list[str]:
     """Return the fields of a row with the empty ones at its end, as many as the heading has."""
-    if is_comment(line) or len(fields) >= width or line.text.count(separator) < width - 1 or not any(fields):
+    if len(fields) >= width or is_comment(line) or line.text.count(separator) < width - 1 or not any(fields):
         return fields
     return fields + [""] * (width - len(fields))
 
@@ -163,9 +166,18 @@ def _decimals(text: str) -> int:
     return len(re.split("[.,]", text)[-1]) if re.search("[.,]", text) else 0
 
 
-def _unquoted(text: str) -> str:
+def _without_quotes(line: Line) -> Line:
     """Return a comment that a spreadsheet has put in quotes or padded with separators as it was."""
-    return text.strip('"').rstrip(";,\t ") if text.lstrip('"').startswith("#") else text
+    if "#" not in line.text or not line.text.lstrip('"').startswith("#"):
+        return line
+    return Line(line.number, line.text.strip('"').rstrip(";,\t "))
+
+
+def _without_remark(line: Line) -> Line:
+    """Return a row without the remark behind it."""
+    if ("#" not in line.text and "!" not in line.text) or is_comment(line):
+        return line
+    return Line(line.number, _REMARK.sub("", line.text))
 
 
 def _separator(lines: list[Line], form: InstrumentFormat) -> tuple[str | None, list[Line]]:
@@ -175,7 +187,7 @@ def _separator(lines: list[Line], form: InstrumentFormat) -> tuple[str | None, l
         return stated[1], lines[1:]
     if form.separator is not None:
         return _SEPARATORS[form.separator], lines
-    texts = [line.text for line in lines if any(c.isdigit() for c in line.text) and not is_comment(line)]
+    texts = [line.text for line in lines if any(map(str.isdigit, line.text)) and not is_comment(line)]
     for separator in (";", "\t", "|"):
         if sum(separator in text for text in texts) > len(texts) / 2:
             return separator, lines
@@ -211,14 +223,13 @@ def _fields(text: str, separator: str | None) -> list[str]:
     return fields
 
 
-def _is_row(fields: Sequence[str], heading: Heading | None, form: InstrumentFormat) -> bool:
+def _is_row(fields: Sequence[str], heading: Heading | None, form: InstrumentFormat, used: Sequence[int | str]) -> bool:
     """Return whether fields are a row of samples: numbers, with marks of missing values, and one number at least."""
-    used = [c for key in ("x", "z") for c in listed(form.columns.get(key, []))]
     if used and all(isinstance(c, int) and c <= len(fields) for c in used):
         fields, heading = [fields[c - 1] for c in used if isinstance(c, int)], None
-    numbers = [is_number(part) for part in fields]
-    if numbers and all(numbers):  # nearly every line
+    if fields and all(map(is_number, fields)):  # nearly every line
         return True
+    numbers = [is_number(part) for part in fields]
     missing = [is_missing(part, tuple(form.missing)) for part in fields]
     if not any(numbers):
         return False
@@ -357,11 +368,9 @@ def _refuse_changing_unit(table: SampleTable, names: Sequence[str]) -> None:
 def _has_decimal_comma(rows: Sequence[Row], column: int, form: InstrumentFormat) -> bool:
     if form.decimal is not None:
         return form.decimal == "comma"
-    commas, points = list[int](), list[int]()
-    for row in rows:
-        marks = {mark for mark in ",." if mark in row.fields[column]}
-        if len(marks) == 1:  # in 1,234.5 and 1.234,5 the last one is the decimal mark
-            (commas if "," in marks else points).append(row.line)
+    # In 1,234.5 and 1.234,5 the last one is the decimal mark.
+    commas = [row.line for row in rows if "," in row.fields[column] and "." not in row.fields[column]]
+    points = [row.line for row in rows if "." in row.fields[column] and "," not in row.fields[column]]
     if commas and points:
         raise ProfileError(
             f"line {max(commas[0], points[0])}: decimal points and decimal commas in one column",

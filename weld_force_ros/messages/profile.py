@@ -128,9 +128,9 @@ class WeldProfile(Message, kw_only=True):
         """Return why the geometry cannot be simulated, or that the hash is not that of the samples; else None."""
         if problem := profile_problem(self.x_m, self.z_m):
             return problem
-        computed = profile_sha256(self.x_m, self.z_m)
-        if self.profile_sha256 not in (computed, _profile_sha256_until_1_5(self.x_m, self.z_m)):
-            return f"profile_sha256 is {self.profile_sha256}, but x_m and z_m make {computed}"
+        stated, computed = self.profile_sha256, profile_sha256(self.x_m, self.z_m)
+        if stated != computed and stated != _profile_sha256_until_1_5(self.x_m, self.z_m):
+            return f"profile_sha256 is {stated}, but x_m and z_m make {computed}"
         if isinstance(self.measured_x_m, UnsetType) or isinstance(self.measured_z_m, UnsetType):
             alone = not isinstance(self.measured_x_m, UnsetType) or not isinstance(self.measured_z_m, UnsetType)
             return "measured_x_m and measured_z_m must come together" if alone else None

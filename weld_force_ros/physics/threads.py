@@ -14,7 +14,7 @@ def thread_count(threads: int | None) -> int:
 def executor(threads: int | None) -> Executor:
     """Return an executor with `threads` workers, one a core if None; 1 works in the calling thread."""
     count = thread_count(threads)
-    return ThreadPoolExecutor(count) if count > 1 else _CallingThread()
+    return ThreadPoolExecutor(count, thread_name_prefix="passages") if count > 1 else _CallingThread()
 
 
 class _CallingThread(Executor):

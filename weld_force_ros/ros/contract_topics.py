@@ -244,7 +244,7 @@ class ContractTopics:
                 f"publish with reliable{' and transient local' if topic.latched else ''}"
             )
 
-        events = SubscriptionEventCallbacks(incompatible_qos=report_mismatch)
+        events = SubscriptionEventCallbacks(incompatible_qos=report_mismatch, use_default_callbacks=False)
         self._subscriptions.append(subscribe_raw(self._node, String, topic.name, profile, take, group, events))
 
     def subscribe_other(

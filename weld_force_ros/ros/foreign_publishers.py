@@ -64,7 +64,7 @@ class TolerantSubscription:
             if tolerant is not None and len(self.subscriptions) == count:
                 self._accept(tolerant)
 
-        events = SubscriptionEventCallbacks(incompatible_qos=accept_mismatch)
+        events = SubscriptionEventCallbacks(incompatible_qos=accept_mismatch, use_default_callbacks=False)
         self.subscriptions.append(self._subscribe_raw(profile=profile, events=events))
 
     def _accept(self, tolerant: QoSProfile) -> None:

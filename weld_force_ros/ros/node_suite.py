@@ -16,7 +16,7 @@ from typing import Any, Literal, Self
 
 import rclpy
 from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
@@ -25,6 +25,7 @@ from weld_force_ros.assessment.judge import Simulates
 from weld_force_ros.errors import InputError
 from weld_force_ros.messages import ForceHistory, ForceMap, Message, Rejection, SimulationSettings, Verdict, WeldProfile
 from weld_force_ros.ros import environment
+from weld_force_ros.ros.executor import OneThreadExecutor
 from weld_force_ros.ros.lifecycle import CLOSE_S, LifecycleNodeBase
 from weld_force_ros.ros.nodes.assessment_node import AssessmentNode
 from weld_force_ros.ros.nodes.dashboard_node import DashboardNode
@@ -102,7 +103,7 @@ class NodeSuite:
         environment.check_message_extensions()
         environment.stay_on_this_machine()
         self._start_ros()
-        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor = OneThreadExecutor(context=self._context)
         self._thread = threading.Thread(target=self._spin, name="executor", daemon=True)
         try:
             for kind in reversed(ALL_KINDS):  # subscribers before publishers

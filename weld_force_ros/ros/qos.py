@@ -59,6 +59,11 @@ def more_tolerant(profile: QoSProfile) -> QoSProfile | None:
     return BEST_EFFORT if profile.reliability == ReliabilityPolicy.RELIABLE else None
 
 
+def serves_any(profile: QoSProfile) -> bool:
+    """Return whether no subscriber can ask for more than a publisher of this quality of service offers."""
+    return profile.durability == _LATCHED and profile.reliability == ReliabilityPolicy.RELIABLE
+
+
 def subscription_qos(topic: Topic) -> QoSProfile:
     """Return the quality of service of a subscription to a contract topic."""
     return CONTRACT if topic.latched else STREAM

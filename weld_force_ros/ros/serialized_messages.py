@@ -7,11 +7,13 @@ from typing import Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.duration import Duration
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from rclpy.subscription import Subscription
+
+from weld_force_ros.ros.qos import serves_any
 
 _NO_TIME = Duration()
 _SLOW_SUBSCRIBER_S = 2.0
@@ -46,7 +48,9 @@ class RecordedPublisher:
         record: Callable[[SerializedMessage], None],
     ) -> None:
         self._node = node
-        self._publisher = node.create_publisher(message_type, topic, profile)
+        # Each event that is waited for takes the executor longer, also such as never come.
+        events = PublisherEventCallbacks(use_default_callbacks=not serves_any(profile))
+        self._publisher = node.create_publisher(message_type, topic, profile, event_callbacks=events)
         self._describe = (recorded_name(node, topic), message_type, profile)
         self._record = record
         self._depth = profile.depth if profile.history == HistoryPolicy.KEEP_LAST else 0
