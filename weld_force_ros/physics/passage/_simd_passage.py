@@ -150,47 +150,61 @@ def _square_root_of_indentation(gap, stiffness):
 
 
 @compiled(nogil=True, fastmath=FAST_MATH)
-def _note_extremes(forces, departures, smooth, working, slots, n_grid, at, first):
+def _note_extremes(forces, working, first):
     """Take the extremes in `working` over the last steps, since the last check.
 
     Peaks, and steps without contact, are looked for one by one where a step among them can be one: in few.
 
     Args:
         forces: flat, of lanes: two before these steps, and theirs.
-        departures: from the smooth rail's force, one before these steps, and theirs, which are filled in.
-        smooth: flat, of four slots.
         working: whose rows are moved on.
-        slots: those of the four places.
-        n_grid: rows of the span.
-        at: four grid points before these steps.
         first: number of steps before these.
-
-    Returns:
-        The largest departure of these steps.
     """
     before, force = load(forces, 0), load(forces, 1)
-    highest, least, two = force, load(working, _LEAST), splat(2.0)
-    second_difference, swing = load(working, _SECOND_DIFFERENCE), splat(0.0)
+    highest, least, minus_two = force, load(working, _LEAST), splat(-2.0)
+    second_difference = load(working, _SECOND_DIFFERENCE)
     for n in range(CHECK_EVERY_STEPS):
         after = load(forces, n + 2)
         highest = where_greater(force, highest, force, highest)
         least = where_greater(least, after, after, least)
-        difference = magnitude(before - two * force + after)
+        difference = magnitude(multiply_add(minus_two, force, before) + after)
         second_difference = where_greater(difference, second_difference, difference, second_difference)
-        at = ahead(at, n_grid)
-        departure = after - load_four(smooth, rows_of(slots, n_grid, at))
-        store(departures, n + 1, departure)
-        amplitude = magnitude(departure)
-        swing = where_greater(amplitude, swing, amplitude, swing)
         before, force = force, after
     store(working, _LEAST, least)
     store(working, _SECOND_DIFFERENCE, second_difference)
-    transient = load(working, _TRANSIENT)
-    store(working, _TRANSIENT, where_greater(swing, transient, swing, transient))
     if any_greater(highest, load(working, _TOP)):
         _note_tops(forces, working, first)
     if any_greater(splat(_HARDLY_IN_CONTACT_N), least):
         _count_apart(forces, working)
+
+
+@compiled(nogil=True, fastmath=FAST_MATH)
+def _note_departures(forces, departures, smooth, working, slots, n_grid, at):
+    """Take the departures from the smooth rail's force over the last steps, and the transient in `working`.
+
+    A loop of its own: in one with `_note_extremes`, more is kept than there are registers, and steps wait for memory.
+
+    Args:
+        forces: flat, of lanes: two before these steps, and theirs.
+        departures: one before these steps, and theirs, which are filled in.
+        smooth: flat, of four slots.
+        working: whose row is moved on.
+        slots: those of the four places.
+        n_grid: rows of the span.
+        at: four grid points before these steps.
+
+    Returns:
+        The largest departure of these steps.
+    """
+    swing = splat(0.0)
+    for n in range(CHECK_EVERY_STEPS):
+        at = ahead(at, n_grid)
+        departure = load(forces, n + 2) - load_four(smooth, rows_of(slots, n_grid, at))
+        store(departures, n + 1, departure)
+        amplitude = magnitude(departure)
+        swing = where_greater(amplitude, swing, amplitude, swing)
+    transient = load(working, _TRANSIENT)
+    store(working, _TRANSIENT, where_greater(swing, transient, swing, transient))
     return swing
 
 
@@ -326,25 +340,27 @@ def peaks_in_lanes(octets: Octets, tables: SpeedRows, filters: Filters, physics,
             for m in range(CHECK_EVERY_STEPS):
                 n += 1
                 there = ahead(here, n_grid)
+                # What needs no rail comes before it: the step waits for the contact's roots and quotients.
+                free_wheel = multiply_add(
+                    dt, multiply_add(dt_over_mass, half * load_n - third * force, velocity), wheel
+                )  # fmt: skip
+                stiffness = (load_four(gains, rows_of(slots, n_grid, there)) + own) * hertz
                 irregularity = zero
                 if n < irregular:
                     irregularity = spread_four(irregularities, row_of(rows, irregular, n))
                 displacement_re, displacement_im = _advance_rail(
                     rail, force, irregularity, decays, input_scales, drives, n_state, here, there
                 )
-                free_wheel = multiply_add(
-                    dt, multiply_add(dt_over_mass, half * load_n - third * force, velocity), wheel
-                )  # fmt: skip
                 gap = free_wheel - displacement_re + displacement_im
                 gap = where_greater(gap, zero, gap, zero)
-                stiffness = (load_four(gains, rows_of(slots, n_grid, there)) + own) * hertz
                 root = _square_root_of_indentation(gap, stiffness)
                 after = where_greater(gap, zero, hertz * root * root * root, zero)
                 wheel = free_wheel - own * after
                 velocity = multiply_add(dt_over_mass, load_n - half * (force + after), velocity)
                 store(forces, m + 2, after)
                 force, here = after, there
-            swing = _note_extremes(forces, departures, smooth, working, slots, n_grid, before, n - CHECK_EVERY_STEPS)
+            _note_extremes(forces, working, n - CHECK_EVERY_STEPS)
+            swing = _note_departures(forces, departures, smooth, working, slots, n_grid, before)
             store(working, _WHEEL, wheel)
             store(working, _WHEEL + 1, velocity)
             store(working, _WHEEL + 2, force)
