@@ -10,7 +10,7 @@ from weld_force_ros.physics.passage._simd import LANES, PLACES, SPEEDS
 from weld_force_ros.physics.passage.batch import PassageStarts, make_batch
 
 _STEPS = 1 << 14
-_GROUPS = 2  # of places
+_GROUPS = 4  # of places
 _ROUNDS = 1_000_000
 _CHAINS = 4
 
