@@ -40,7 +40,7 @@ from weld_force_ros.simulation.track_file import TrackDefinition
 FIT_VERSION = 2
 _WINDOW_VERSION = 1
 _SIGNS_VERSION = 1
-_MOVING_VERSION = 2
+_MOVING_VERSION = 3
 
 FittedEngine = Literal["common-poles", "rfp"]
 

@@ -145,23 +145,25 @@ def test_a_long_dip_at_300_kmh_is_that_of_the_reference():
     assert np.abs(usual).max() > 0.02
 
 
-@pytest.mark.parametrize(("off_on_the_whole", "taken"), [(0.019, "usual"), (0.017, "moving")])
-def test_a_fit_that_is_farther_off_between_its_speeds_is_not_taken(
-    monkeypatch: pytest.MonkeyPatch, off_on_the_whole: float, taken: str
+@pytest.mark.parametrize(
+    ("first_off", "second_off", "taken"), [(0.017, 0.0, "first"), (0.019, 0.017, "second"), (0.019, 0.019, "usual")]
+)
+def test_a_fit_that_is_farther_off_between_its_speeds_is_made_there_too_or_not_taken(
+    monkeypatch: pytest.MonkeyPatch, first_off: float, second_off: float, taken: str
 ) -> None:
-    """As of one of thirty random tracks (`benchmarks.random_tracks`), whose fit has a resonance of its own there."""
-    whole = moving_fit.SPEEDS_KMH + moving_fit.BETWEEN_KMH
+    """As of two of thirty random tracks (`benchmarks.random_tracks`), whose fits have resonances of their own there."""
+    speeds, whole = moving_fit.SPEEDS_KMH, moving_fit.SPEEDS_KMH + moving_fit.BETWEEN_KMH
     off = {
-        ("usual", moving_fit.SPEEDS_KMH): 0.02,
-        ("moving", moving_fit.SPEEDS_KMH): 0.005,
-        ("usual", whole): 0.02,
-        ("moving", whole): off_on_the_whole,
-    }
+        ("usual", speeds): 0.02, ("usual", whole): 0.02,
+        ("first", speeds): 0.005, ("first", whole): first_off,
+        ("second", speeds): 0.007, ("second", whole): second_off,
+    }  # fmt: skip
+    names = {speeds: "first", whole: "second"}
     monkeypatch.setattr(moving_fit, "GreensFunctionModel", lambda *_, **__: None)
-    monkeypatch.setattr(moving_fit.Target, "of", lambda _: None)
+    monkeypatch.setattr(moving_fit.Target, "of", lambda _, speeds_kmh: names[speeds_kmh])
     monkeypatch.setattr(moving_fit, "start", lambda *_: None)
-    monkeypatch.setattr(moving_fit, "refined", lambda *_: "moving")
+    monkeypatch.setattr(moving_fit, "refined", lambda _, target: target)
     monkeypatch.setattr(moving_fit._Trial, "off", lambda _, model, speeds_kmh: off[model, speeds_kmh])
     found, error = moving_fit.moving_fit(None, None, "usual")  # type: ignore[arg-type]
     assert found == taken
-    assert error == pytest.approx(np.hypot(off[taken, moving_fit.SPEEDS_KMH], moving_fit.RESOLUTION))
+    assert error == pytest.approx(np.hypot(off[taken, speeds], moving_fit.RESOLUTION))

@@ -31,7 +31,7 @@ from weld_force_ros.physics.track.local_support import LocalSupports
 
 SPEEDS_KMH = (100.0, 200.0, 300.0)
 BETWEEN_KMH = (250.0,)
-"""Where no fit is made: one that holds at `SPEEDS_KMH` may have a resonance of its own here."""
+"""Where the first fit is not made: one that holds at `SPEEDS_KMH` may be far off here. Then it is made here, too."""
 DYNAMIC_SHARE = 0.2
 ORDERS = (16, 20)
 RESOLUTION = 0.005
@@ -73,8 +73,8 @@ class Target:
     deflection_weights: tuple[FloatArray, ...]
 
     @classmethod
-    def of(cls, exact: GreensFunctionModel) -> "Target":
-        """Compute the receptances of a track, some seconds."""
+    def of(cls, exact: GreensFunctionModel, speeds_kmh: tuple[float, ...] = SPEEDS_KMH) -> "Target":
+        """Compute the receptances of a track at rest and at speeds, some seconds."""
         track, wheel = exact.track, exact.wheel
         at = track.spacing_m / _PLACES * (np.arange(_PLACES) + 0.25)
         static = beam.static_compliance(track, at)
@@ -84,7 +84,7 @@ class Target:
             _FREQUENCIES == 0.0, static[:, None], beam.receptance(track, np.maximum(_FREQUENCIES, 0.1), at)
         )
         found = [MovingReceptance(0.0, at, at_rest, resting)]
-        found += [exact.moving_receptance(speed, _FREQUENCIES, _PLACES) for speed in SPEEDS_KMH]
+        found += [exact.moving_receptance(speed, _FREQUENCIES, _PLACES) for speed in speeds_kmh]
         seen = point + wheel.compliance(2 * np.pi * np.maximum(_FREQUENCIES, BAND_HZ[0]))
         weight = np.asarray(_by_frequency(_FREQUENCIES) / np.abs(seen))
         deflection_weights = []
@@ -112,28 +112,35 @@ def moving_fit(track: Track, wheel: Wheel, usual: PoleModel) -> tuple[PoleModel 
         usual: the fit to point receptances, which is taken where it is good enough.
 
     Returns:
-        The fit, one to moving receptances only if it is nearer with `BETWEEN_KMH`, too; its error at `SPEEDS_KMH`: RMS
-        of the difference of its peak forces from the reference's over the RMS of their dynamic part, together with
-        `RESOLUTION`.
+        The fit, one to moving receptances only if it is nearer with `BETWEEN_KMH`, too, and if none is, one that is
+        made at those as well; its error at `SPEEDS_KMH`: RMS of the difference of its peak forces from the reference's
+        over the RMS of their dynamic part, together with `RESOLUTION`.
 
     Raises:
         NumericalError: vector fitting did not end with finite poles.
     """
-    trial = _Trial(GreensFunctionModel(track, wheel, threads=1))
-    target: Target | None = None
-    fits: list[tuple[PoleModel | MovingPoleModel, float]] = [(usual, trial.off(usual, SPEEDS_KMH))]
-    for order in ORDERS:
-        if fits[-1][1] <= _GOOD_ENOUGH:
+    trial, whole = _Trial(GreensFunctionModel(track, wheel, threads=1)), SPEEDS_KMH + BETWEEN_KMH
+    best: PoleModel | MovingPoleModel = usual
+    usual_off = off = trial.off(usual, SPEEDS_KMH)
+    for speeds_kmh in (SPEEDS_KMH, whole):
+        if off <= _GOOD_ENOUGH:
             break
-        target = target or Target.of(trial.exact)
+        model, model_off = _nearest(trial, speeds_kmh)
+        if model_off <= _CLEARLY * usual_off and trial.off(model, whole) <= _NEARER * trial.off(usual, whole):
+            best, off = model, model_off
+            break
+    return best, float(np.hypot(off, RESOLUTION))
+
+
+def _nearest(trial: "_Trial", speeds_kmh: tuple[float, ...]) -> tuple[MovingPoleModel, float]:
+    """Return the fit at some speeds of lowest order that is good enough, or the best, and how far it is off."""
+    target, fits = Target.of(trial.exact, speeds_kmh), list[tuple[MovingPoleModel, float]]()
+    for order in ORDERS:
         model = refined(start(target, order), target)
         fits.append((model, trial.off(model, SPEEDS_KMH)))
-    best, off = min(fits, key=lambda fit: fit[1])
-    if best is not usual:
-        whole = SPEEDS_KMH + BETWEEN_KMH
-        if off > _CLEARLY * fits[0][1] or trial.off(best, whole) > _NEARER * trial.off(usual, whole):
-            best, off = fits[0]
-    return best, float(np.hypot(off, RESOLUTION))
+        if fits[-1][1] <= _GOOD_ENOUGH:
+            break
+    return min(fits, key=lambda fit: fit[1])
 
 
 def peaks_off(model: StateModel, track: Track, wheel: Wheel, supports: LocalSupports) -> float:
