@@ -91,9 +91,9 @@ def workers_of_pools(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     workers: list[int] = []
     pool = threads.ThreadPoolExecutor
 
-    def noted(count: int) -> ThreadPoolExecutor:
+    def noted(count: int, *, thread_name_prefix: str) -> ThreadPoolExecutor:
         workers.append(count)
-        return pool(count)
+        return pool(count, thread_name_prefix)
 
     monkeypatch.setattr(threads, "ThreadPoolExecutor", noted)
     return workers
