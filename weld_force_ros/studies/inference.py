@@ -93,7 +93,8 @@ class Inference:
     def given(self) -> list[Claim]:
         """Return the claims that a search is given, those on other welds included, which it does not measure."""
         every = claims.load()
-        return [claim for claim in every if claims.folds(every).get(claim.id, self.without_fold) != self.without_fold]
+        fold_of = claims.folds(every)
+        return [one for one in every if one.id in fold_of and fold_of[one.id] != self.without_fold]
 
     def cost(self, parameters: FloatArray) -> float:
         """Return how far a shape is from meeting the claims given.
