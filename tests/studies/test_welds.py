@@ -15,6 +15,7 @@ from weld_force_ros.measurement import profile_file
 from weld_force_ros.messages import WeldProfile, profile_sha256
 from weld_force_ros.physics.analysis.peaks import Peak
 from weld_force_ros.physics.passage.passage import History
+from weld_force_ros.studies import increment_study
 from weld_force_ros.studies.motion_study import moving
 from weld_force_ros.studies.passage_curves import (
     SmoothRailPassage,
@@ -121,6 +122,19 @@ def test_an_own_weld_is_shown_and_not_compared_with_the_paper(name, level):
 @pytest.mark.parametrize("name", STUDIES)
 def test_an_own_track_is_not_compared_with_the_paper(name):
     assert run(name, StudyContext(own_track="johansson-nielsen", coarse=True)).measured == {}
+
+
+def test_depressions_are_counted_round_the_span_and_not_at_the_first_or_last_speed():
+    force_n = np.full((5, 6), 10.0)
+    assert increment_study._depressions(force_n) == 0  # level
+    force_n[1, 0] = 5.0
+    assert increment_study._depressions(force_n) == 1
+    force_n[2, 5] = 4.0  # round the span it lies beside the other, and is lower
+    assert increment_study._depressions(force_n) == 1
+    force_n[2, 2] = force_n[0, 3] = force_n[4, 0] = 1.0
+    assert increment_study._depressions(force_n) == 2
+    force_n[2, 3] = 1.0  # of two that are alike neither is lower
+    assert increment_study._depressions(force_n) == 1
 
 
 def test_a_weld_that_is_none_adds_nothing_to_the_smooth_rail(level):
