@@ -154,6 +154,11 @@ class Claim(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tru
         """Return the criteria, and those that correct them."""
         return [*self.criteria, *(self.corrected.criteria if self.corrected else ())]
 
+    @property
+    def stated_criteria(self) -> list[Condition]:
+        """Return what the statement asks for: the criteria, or those that correct them."""
+        return self.corrected.criteria if self.corrected else self.criteria
+
 
 class HeldOutResult(msgspec.Struct, kw_only=True, frozen=True):
     """The result over shapes whose searches were not given the claims of this one's fold.
@@ -334,12 +339,11 @@ def _counts(evaluated: Sequence[EvaluatedClaim] | Sequence[HeldOutResult]) -> tu
 
 def _held_out(claim: Claim, fold: int, measured: Mapping[str, Quantity]) -> HeldOutResult:
     values = _values(claim, measured)
-    corrected = claim.corrected.criteria if claim.corrected else claim.criteria
     return HeldOutResult(
         fold=fold,
         measured=_measured(claim.criteria, values),
         result=_result(claim.criteria, values),
-        corrected_result=_result(corrected, values),
+        corrected_result=_result(claim.stated_criteria, values),
     )
 
 

@@ -92,9 +92,8 @@ class Inference:
     @cached_property
     def given(self) -> list[Claim]:
         """Return the claims that a search is given, those on other welds included, which it does not measure."""
-        every = claims.load()
-        fold_of = claims.folds(every)
-        return [one for one in every if one.id in fold_of and fold_of[one.id] != self.without_fold]
+        fold_of = claims.folds(self._inferred)
+        return [claim for claim in self._inferred if fold_of[claim.id] != self.without_fold]
 
     def cost(self, parameters: FloatArray) -> float:
         """Return how far a shape is from meeting the claims given.
@@ -132,8 +131,12 @@ class Inference:
         If coarse, what takes long is measured as in a search.
         """
         measured = self._quantities(profile, self._coarse if coarse else self.context)
-        costs = {claim.id: cost_of(claim, measured) for claim in claims.load() if claim.geometry == "inferred"}
+        costs = {claim.id: cost_of(claim, measured) for claim in self._inferred}
         return {name: cost == 0 for name, cost in costs.items() if cost is not None}
+
+    @cached_property
+    def _inferred(self) -> list[Claim]:
+        return [claim for claim in claims.load() if claim.geometry == "inferred"]
 
     @cached_property
     def _coarse(self) -> StudyContext:
@@ -188,8 +191,7 @@ def cost_of(claim: Claim, measured: Quantities) -> float | None:
 
     Where criteria were corrected, that is what the statement asks for.
     """
-    criteria = claim.corrected.criteria if claim.corrected else claim.criteria
-    costs = [_cost(c, measured[c.key]) for c in criteria if c.key in measured]
+    costs = [_cost(c, measured[c.key]) for c in claim.stated_criteria if c.key in measured]
     return float(np.mean(costs)) if costs else None
 
 

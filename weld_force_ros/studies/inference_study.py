@@ -71,7 +71,7 @@ def run(context: StudyContext, weld: str | None, folder: Path, start_progress: S
         _write(folder / inferred_shapes.FILE, inferred_shapes.encoded(shapes))
     tables = {
         "solutions": _solution_table(found), "claims": _claim_table(found), "shapes": _shape_table(found),
-        "spread": _spread_table(found), "words": _words_table(context, found, start_progress),
+        "spread": _spread_table(found), "words": _words_table(context, priors, found, start_progress),
     }  # fmt: skip
     if "weld-1" in found:
         tables["heights"] = _height_table(context, found["weld-1"][0].solution.profile)
@@ -166,7 +166,9 @@ def _solution_table(found: dict[str, list[Found]]) -> Table:
     return Table(title, columns, rows)
 
 
-def _words_table(context: StudyContext, found: dict[str, list[Found]], start_progress: StartProgress) -> Table:
+def _words_table(
+    context: StudyContext, priors: dict[str, Prior], found: dict[str, list[Found]], start_progress: StartProgress
+) -> Table:
     """Return what shares of the claims on one weld hold over shapes given none of them, four fifths, or all."""
     columns = (
         Column("weld", "weld"), Column("claims", "claims", 0), Column("by_words_percent", "words alone, %", 0),
@@ -174,7 +176,7 @@ def _words_table(context: StudyContext, found: dict[str, list[Found]], start_pro
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
     for name, (shipped, *others) in found.items():
-        inference = Inference(name, shape_prior.load()[name], context)
+        inference = Inference(name, priors[name], context)
         done = start_progress(f"{name}, words alone", _DRAWS)
         shares: list[float] = []
         for profile in inference.drawn(_DRAWS):

@@ -68,20 +68,19 @@ def run_all(
         WeldForceError: a study cannot be computed.
     """
     gallery.make_folder(out)
-    done = start_progress("studies", len(names))
+    folds = range(1, claims.FOLDS + 1) if context.uses_paper_inputs else ()
+    done = start_progress("studies", len(names) + len(folds))
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         running = [pool.submit(run_one, name, context, out) for name in names]
-        without_folds = {
-            fold: pool.submit(inferred_shapes.quantities_without, fold, context)
-            for fold in range(1, claims.FOLDS + 1)
-            if context.uses_paper_inputs
-        }
-        parts = []
+        without_folds = [pool.submit(inferred_shapes.quantities_without, fold, context) for fold in folds]
+        parts, held_out = [], {}
         try:
             for future in running:
                 parts.append(future.result())
                 done()
-            held_out = {fold: future.result() for fold, future in without_folds.items()}
+            for fold, measured_without in zip(folds, without_folds, strict=True):
+                held_out[fold] = measured_without.result()
+                done()
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise

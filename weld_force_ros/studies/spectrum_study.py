@@ -30,7 +30,7 @@ DIP_KMH = 120.0
 _FREQUENCIES_HZ = np.arange(10.0, 1500.5, 1.0)
 FIG_5_POSITIONS = np.array([32, 40, 44, 52, 60]) / 60  # of the paper's Fig. 5, relative to its span of 60 cm
 _SHOWN_HZ = 2000.0
-_EVERY = 8  # the record's own resolution, of which the spectrum has eight times as many
+_EVERY = 8  # the record's own resolution, of which the spectrum has some eight times as many
 _NEAR = 0.1  # of a frequency
 _SHORT_M = 0.4  # shorter wavelengths show how the peaks of the weld's spectrum move
 
